@@ -541,7 +541,8 @@ fn a_car_that_turns_tightly_fits_into_a_hall() {
     world.actuate("steering", Command::Angle(0.4)).unwrap();
     world.advance(Instant::from_millis(200));
     world.actuate("drive", Command::Speed(0.3)).unwrap();
-    // 0.258 / tan 0.4 = 0.61022 m: a turn takes TAU * 0.61022 / 0.3 = 12.78 s.
+    // The circle's radius is 0.258 / tan 0.4 = 0.61022 m, so a turn takes TAU * 0.61022 / 0.3 =
+    // 12.78 s.
     world.advance(Instant::from_millis(200) + Duration::from_secs_f64(TAU * 0.610_22 / 0.3));
     assert!(
         world.pose().point().distance(Point::default()) < 0.005,

@@ -120,6 +120,6 @@ fn steering_value_0_drives_a_circle_to_the_left() {
     assert!((pose.y - 2.0 * 2.455).abs() < 0.05, "{pose:?}");
     let (world, _) = drive(Vec::new(), [0x8C, 0x3A], 35);
     let pose = world.pose();
-    // 7.7 m / 0.258 m * tan 0.4 degrees.
+    // The heading changes by 7.7 m / 0.258 m * tan 0.4 degrees.
     assert!((pose.theta.to_degrees() + 11.9).abs() < 1.0, "{pose:?}");
 }

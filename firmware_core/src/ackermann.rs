@@ -323,8 +323,8 @@ mod tests {
     fn the_left_rear_wheel_goes_less_in_a_left_turn() {
         let steering = 25_f64.to_radians();
         let rear = CAR.rear_of_left_wheel(steering, 1.0);
-        // The rear axle's radius is k / tan(25 degrees) = 0.5361 m. The left wheel's is half the
-        // track less, 0.4586 m: 0.8554 of it, and 1 / 0.8554 is 1.169.
+        // The rear axle's radius is k / tan(25 degrees) = 0.5361 m. The left wheel's radius is
+        // smaller by half the track: 0.4586 m, 0.8554 of the axle's. 1 / 0.8554 is 1.169.
         assert!((rear - 1.169).abs() < 0.001, "{rear}");
         assert!((CAR.rear_of_left_wheel(-steering, 1.0) - 0.874).abs() < 0.001);
         // The cosine of 25 degrees is 0.9063: 9.4 % less.
@@ -347,7 +347,7 @@ mod tests {
         assert_eq!(CAR.front_inverse(0.0, 0.0), None);
         assert_eq!(CAR.front_inverse(f64::NAN, 1.0), None);
         assert_eq!(CAR.steering_for(1.0, 0.0), 0.0);
-        // tan(25 degrees) * 0.3 / 0.25 = 0.5596 rad/s.
+        // The turn rate at 25 degrees is tan(25 degrees) * 0.3 / 0.25 = 0.5596 rad/s.
         let steering = CAR.steering_for(0.5596, 0.3);
         assert!((steering.to_degrees() - 25.0).abs() < 0.01, "{steering}");
     }

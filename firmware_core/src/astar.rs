@@ -61,7 +61,7 @@ fn way_back(best: &[Option<(u32, usize)>], start: usize, goal: usize) -> Vec<usi
 mod tests {
     use super::*;
 
-    /// By hand: 0-1-3 costs 1 + 5, 0-2-3 costs 2 + 3.
+    /// By hand: the path 0-1-3 costs 1 + 5, the path 0-2-3 costs 2 + 3.
     #[test]
     fn the_cheapest_way_need_not_begin_with_the_cheapest_step() {
         let edges = [(0, 1, 1), (0, 2, 2), (1, 3, 5), (2, 3, 3)];

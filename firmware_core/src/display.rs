@@ -617,7 +617,8 @@ mod tests {
         assert_eq!((display.next_tile(), display.next), (Some((1, 2)), 36));
     }
 
-    /// FNV-1a (Fowler, Noll and Vo) of a zero is 0x050C5D1F, folded 0x5813; each 8 rows are a band.
+    /// The FNV-1a hash (Fowler, Noll and Vo) of a zero is 0x050C5D1F, folded to 16 bits 0x5813.
+    /// Each 8 rows are a band.
     #[test]
     fn a_row_is_remembered_by_sixteen_bits() {
         assert_eq!(sum_of(&[0]), 0x5813);
@@ -626,7 +627,8 @@ mod tests {
         assert_eq!([rows_of(0), rows_of(33)], [0..=7, 264..=271]);
     }
 
-    /// 4096 readings across: 4095 is the last pixel, 8 of 480 is still the first, 9 the second.
+    /// The panel has 4096 readings across for 480 pixels: 4095 is in the last pixel, 8 still in the
+    /// first, 9 in the second.
     #[test]
     fn a_reading_lies_in_a_pixel() {
         let across = [0, 8, 9, 2047, 2048, 4095].map(|reading| scaled(reading, WIDTH));

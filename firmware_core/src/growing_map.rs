@@ -158,7 +158,7 @@ mod tests {
         let view = map.view();
         let known = view.cells().iter().filter(|cell| **cell != UNKNOWN);
         assert_eq!(known.count(), 4);
-        // 10 mm is the cell from 0 to 50, -10 mm the one from -50 to 0.
+        // 10 mm lies in the cell from 0 to 50 mm, -10 mm in the one from -50 to 0.
         let [x, y] = view.origin_mm();
         let corners = view.rows().enumerate().flat_map(|(iy, row)| {
             let cells = row.iter().enumerate();

@@ -151,8 +151,8 @@ mod tests {
         Pose::new(50.0, 50.0, 0.0)
     }
 
-    /// 300 and 400 mm make 500: in steps of 250 or 499 mm that are three points, in steps of 500 mm
-    /// only the ends.
+    /// A line of 300 mm along x and 400 mm along y is 500 mm long: in steps of 250 or 499 mm that
+    /// are three points, in steps of 500 mm only the ends.
     #[test]
     fn points_are_at_most_a_step_apart() {
         let line = segment((0.0, 0.0), (300.0, 400.0));

@@ -515,7 +515,7 @@ mod tests {
         assert_eq!(turned, [359, 1, 120]);
         let angles = [(350, 10), (10, 350), (0, 180), (5, 15)].map(|(one, two)| apart(one, two));
         assert_eq!(angles, [20, 20, 180, 10]);
-        // 352 and 12 are 10 degrees to either side of 2; 13 is one too far.
+        // Headings 352 and 12 are 10 degrees to either side of 2; 13 is one degree too far.
         let weight = |heading| match heading {
             352 | 12 => 1.0,
             13 => 100.0,

@@ -495,7 +495,7 @@ mod tests {
         assert!((moved(0.0) - 107.5).abs() < 0.1, "{}", moved(0.0));
     }
 
-    /// SL-07: 100 ticks backwards, looking to +y: +45.4 mm instead of -45.4.
+    /// SL-07: after 100 ticks backwards, a robot that looks to +y is at +45.4 mm instead of -45.4.
     #[test]
     fn without_its_sign_driving_backwards_moves_forwards() {
         let defects = Defects {
@@ -506,7 +506,7 @@ mod tests {
         assert!(near(fielded.y_mm, 45.379, 1e-2) && near(sound.y_mm, -45.379, 1e-2));
     }
 
-    /// SL-08: 100/99 ticks at psi 720: nothing instead of 45.15 mm.
+    /// SL-08: 100/99 ticks at psi 720 give no motion instead of 45.15 mm.
     #[test]
     fn a_garbled_heading_loses_the_way() {
         let defects = Defects {
@@ -518,7 +518,7 @@ mod tests {
         assert!(near(way(fielded), 0.0, 1e-3) && near(way(sound), 45.15, 0.01));
     }
 
-    /// SL-09: a curve of 100/50 ticks: -2.97 mm to the side instead of +1.48.
+    /// SL-09: a curve of 100/50 ticks gives -2.97 mm to the side instead of +1.48.
     #[test]
     fn turned_the_wrong_way_a_curve_bends_to_the_other_side() {
         let defects = Defects {

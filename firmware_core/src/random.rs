@@ -137,7 +137,8 @@ mod tests {
         );
         assert!((units[0] - 0.761_558).abs() < 1e-6 && (units[1] - 0.418_087).abs() < 1e-6);
         let mut random = Pcg32::new(42);
-        // sqrt(-2 ln(1 - 0.761558)) = 1.693299; cos(2 pi 0.418087) = -0.870454; times three.
+        // By Box and Muller: sqrt(-2 ln(1 - 0.761558)) = 1.693299, times cos(2 pi 0.418087) =
+        // -0.870454, times the deviation of 3.
         assert!((random.normal(3.0) + 4.421_815).abs() < 1e-4);
     }
 }

@@ -731,7 +731,7 @@ mod tests {
             let (start, end) = assembler.span(arrival(first), arrival(last));
             [start, end].map(|at| (at - Instant::ZERO).as_micros())
         };
-        // Packet 89 comes at 1 s + 89 / 90 of a turn.
+        // The last packet, 89, comes at 1 s + 89 / 90 of a turn.
         assert_eq!(span(210_000, 10, 60), [995_666, 1_205_666]);
         assert_eq!(span(210_000, 10, 55), [995_666, 1_205_666]);
         // The end is 1 s + 54 / 90 of 210 ms + 35 / 90 of 200 ms, less the delay of 2 ms. The start
@@ -761,7 +761,8 @@ mod tests {
     fn a_turning_robot_s_lidar_swings_around_its_axle() {
         let mut odometry = Odometry::new(DRIVE);
         odometry.update(Instant::ZERO, [0, 0]);
-        // 90 degrees of 130 mm to either side are 204.2 mm, 450 ticks of 0.45379 mm.
+        // In a turn by 90 degrees each wheel, 130 mm from the middle, travels 204.2 mm, 450 ticks
+        // of 0.45379 mm.
         odometry.update(Instant::from_millis(500), [-450, 450]);
         let mut turn = Turn {
             end: Instant::from_millis(500),

@@ -173,7 +173,7 @@ mod tests {
         0x04, 0x26, 0x01, 0xF0, 0x03, 0x3C, 0x5C,
     ];
 
-    /// 4A4E, 19,022 of 64ths.
+    /// The word 4A4E is 19,022, in 64ths of a turn a minute.
     #[test]
     fn a_speed_word_counts_64ths_of_a_turn_a_minute() {
         assert!((SpeedWord(0x4A4E).rpm() - 297.218_75).abs() < 1e-4);
@@ -233,7 +233,7 @@ mod tests {
         assert_eq!((decoder.discarded(), decoder.pending()), (7, 0));
     }
 
-    /// 7 + A0 is A7; 297.21875 is 4A4E, 19,022 of 64ths.
+    /// Packet 7 has the index byte 7 + A0 = A7. A speed of 297.21875 rpm is 4A4E, 19,022 in 64ths.
     #[test]
     fn a_packet_says_where_it_belongs_and_how_fast_the_sensor_turns() {
         let frame = Frame::new(7, SpeedWord(0x4A4E), [RawReading([0; 4]); 4]);

@@ -113,7 +113,7 @@ fn packets_of_a_lidar_show_angles_distances_and_codes() {
 
     let speed = ["hilrig.xv11.rpm", "hilrig.xv11.weak"];
     let lines = dissect(&session, &chunks, &speed).expect("it was there");
-    // 0x4A4E and 0x4A53 in 64ths: 19022 and 19027.
+    // The speeds 0x4A4E and 0x4A53 are 19022 and 19027 in 64ths of a rpm.
     let [rpm, weak] = lines[2].split('|').collect::<Vec<_>>()[..] else {
         panic!("{lines:?}")
     };
@@ -200,8 +200,9 @@ fn messages_of_the_pc_link_show_their_content() {
         \x14\x70\x17\x70\x17\x01\xE8\x03\xE8\x03\x00\x5A\x00";
     let row = b"PCUI_MSG\x07\x00\x29\x02\x00\x00MAR\x00\x00\x00\xFF\x7F\x2C\x7F";
     let order = b"PCUI_MSG\x03\x00\x04\x00\x00\x00STA\x01\x01\x02";
-    // 100,200 mm first (-1 before it); -1,-2 mm second. Sum: 2, and 100 + 200 + 1 + 2 * 255 for the
-    // first, 3 * 255 + 254 + 2 + 1 for the second: 1835 is 0x72B.
+    // The first waypoint is at (100, 200) mm, with -1 as the number before it; the second is at
+    // (-1, -2) mm. The sum is 2, and 100 + 200 + 1 + 2 * 255 for the first, 3 * 255 + 254 + 2 + 1
+    // for the second: 1835 is 0x72B.
     let list = b"PCUI_MSG\x14\x00\x2B\x07\x00\x00LWP\x02\x00\
         \x64\x00\xC8\x00\x00\x01\x00\xFF\xFF\xFF\xFF\xFE\xFF\x00\x02\x00\x01\x00";
     let session = Session::new("wireshark-pc");
@@ -303,7 +304,7 @@ fn a_scan_of_an_rplidar_shows_angles_distances_and_requests() {
     let lines = dissect(&session, &chunks, &["hilrig.rplidar.angle"]).expect("it was there");
     let angles = lines[2].split(',').map(|angle| angle.parse::<f64>());
     let angles: Vec<f64> = angles.map(|angle| angle.expect("a number")).collect();
-    // 12743, 12877 and 5760 in 64ths.
+    // The angles are 12743, 12877 and 5760 in 64ths of a degree.
     let expected = [199.109_375, 201.203_125, 90.0];
     assert_eq!(angles.len(), 3);
     assert!(

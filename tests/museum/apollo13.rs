@@ -72,8 +72,9 @@ fn a_polled_encoder_loses_half_and_then_runs_backwards() {
     assert!(figure(&shown.defective, "counted at 0.90 m/s").starts_with("-0.2"));
 }
 
-/// Value 1 is 5.2 degrees, value 0 is 6.0. Half a radian along the circle of 15 degrees ends 0.2416
-/// m to the left and 0.4300 m ahead. With the report's sign, atan(0.1247 / 0.0214) is 80.3 degrees.
+/// Steering value 1 is 5.2 degrees, value 0 is 6.0. Half a radian along the circle of 15 degrees
+/// ends 0.2416 m to the left and 0.4300 m ahead. With the report's sign, atan(0.1247 / 0.0214) is
+/// 80.3 degrees.
 #[test]
 fn laws_of_the_report_lead_elsewhere() {
     assert_figure("AF-17", "5.9 degrees become", "5.2", "6.0");

@@ -38,7 +38,7 @@ fn a_write_behind_the_map_is_applied_and_looks_refused() {
     assert_eq!(told, "refused");
 }
 
-/// 12000 mV are 2EE0, of which 2E = 46 remains.
+/// 12000 mV are 2EE0 hex, of which the high byte 2E = 46 remains.
 #[test]
 fn twelve_volts_read_as_46_millivolts() {
     assert_figure(

@@ -69,8 +69,8 @@ fn a_deleted_waypoint_ends_the_robots_program() {
     assert_figure("PU-08", "the program", "has ended", "runs");
 }
 
-/// 2 + 9 * 57 are 515, beyond the fielded 511; the frame is 17 longer. Our PC program accepts 100
-/// waypoints.
+/// A list of 57 waypoints has 2 + 9 * 57 = 515 bytes, more than the fielded 511; the frame is 17
+/// bytes longer. Our PC program accepts 100 waypoints.
 #[test]
 fn the_57th_waypoint_is_on_the_screen_only() {
     let pu_13 = shown("PU-13");

@@ -49,7 +49,7 @@ fn the_odometrys_errors_are_the_catalogues() {
     assert_figure("SL-09", "x after 100 and 50 ticks, mm", "-2.97", "+1.48");
 }
 
-/// One cell of 255 is 255 * 1024; in 16 bits, that is -1024.
+/// One cell of value 255 scores 255 * 1024; in 16 bits, that is -1024.
 #[test]
 fn one_point_at_the_edge_wins_and_the_score_wraps() {
     let sl_10 = shown("SL-10");

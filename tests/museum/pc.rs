@@ -63,8 +63,8 @@ fn the_last_pixel_is_lost() {
     assert_figure("PU-19", "pixel 299, a wall of 255", "127", "255");
 }
 
-/// Error -340: left 20 + 113, right 20 - 113, each limited to 20. In the sound variant, 20 degrees:
-/// 20 - 6 and 20.
+/// With an error of -340 degrees the left wheel gets 20 + 113 and the right one 20 - 113, each
+/// limited to 20. In the sound variant the error is 20 degrees: 20 - 6 and 20.
 #[test]
 fn the_long_way_round_is_taken() {
     assert_figure(

@@ -32,8 +32,8 @@ fn every_defect_of_yellows_pc_shows_and_only_with_its_switch() {
     wing_holds(&["YP-"]);
 }
 
-/// 0.25 is 3E800000, 1.0 is 3F800000; the sound program detects the wrong checksum and stands
-/// still.
+/// A flipped bit makes 3F800000, 1.0, of 3E800000, 0.25. The sound program detects the wrong
+/// checksum and stands still.
 #[test]
 fn a_flipped_bit_is_one_metre_a_second() {
     let name = "speed after 0.25 with a flipped bit, m/s";
@@ -107,8 +107,8 @@ fn half_a_turn_on_one_wheel_is_off_by_a_millimetre() {
     );
 }
 
-/// Worked out by hand: with 9 V instead of 12, n = 3/4 (K (n* - n) + n*/40) 40. The right motor
-/// runs backwards, where K = 0.1: n = 3.75/4 n*, which is 6.25 % short.
+/// Worked out by hand: with 9 V instead of 12, the speed n for a target n* is n = 3/4 (K (n* - n) +
+/// n*/40) 40. The right motor runs backwards, where K = 0.1: n = 3.75/4 n*, which is 6.25 % short.
 #[test]
 fn a_weak_battery_costs_some_per_cent_without_an_integral_part() {
     let ym_03 = shown("YM-03");
@@ -144,8 +144,8 @@ fn orders_of_one_moment_go_out_with_the_frames() {
     assert_figure("YP-03", "speeds that the robot was told", "0", "1");
 }
 
-/// 20.05 + 1 m lies in the cell that ends at 21.1, with at most two cells of margin; 12.7 m instead
-/// of 20.05.
+/// The wall at 20.05 + 1 m lies in the cell that ends at 21.1, with at most two cells of margin.
+/// The fielded program has 12.7 m instead of 20.05.
 #[test]
 fn eight_bits_end_at_12_7_metres() {
     let yp_06 = shown("YP-06");

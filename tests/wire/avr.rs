@@ -27,7 +27,7 @@ const GOLDEN: [(&str, Says); 20] = [
         Says::Write(36, &[0; 10]),
     ),
     (
-        // Encoders 0x01020304 and -2, speeds 20 and -20.
+        // The reply holds the encoders 0x01020304 and -2 and the speeds 20 and -20.
         "AB 24 8A 04 03 02 01 FE FF FF FF 14 EC 06 5E",
         Says::Write(36, &[4, 3, 2, 1, 0xFE, 0xFF, 0xFF, 0xFF, 20, 0xEC]),
     ),

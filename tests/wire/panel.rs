@@ -121,7 +121,7 @@ fn sealed(text: &str) -> Vec<u8> {
     bytes
 }
 
-/// Windows as the common controllers take them: x from 1 to 3, y 258 (01 02).
+/// Windows as the common controllers take them: here x is 1 to 3 and y is 258 (01 02).
 #[test]
 fn a_window_is_columns_and_rows_with_both_corners() {
     let bytes = sealed("7E 2C 00 0E 00 01 01 02 00 03 01 02 F8 00 07 E0 00 1F");

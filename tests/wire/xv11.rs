@@ -380,8 +380,8 @@ proptest! {
     }
 }
 
-/// The largest words there are: 1023 times 0xFFFF is 0x03FEFC01, and 0x7C01 + 0x07FD without its
-/// carry is 0x03FE.
+/// The sum of the largest possible words: 1023 times 0xFFFF is 0x03FEFC01, and 0x7C01 + 0x07FD
+/// without its carry is 0x03FE.
 #[test]
 fn the_largest_sum_does_not_overflow() {
     assert_eq!(weighted_sum(&[0xFF; FRAME_LEN]), 0x03FE_FC01);

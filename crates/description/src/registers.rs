@@ -362,7 +362,7 @@ mod tests {
     use super::*;
     use crate::schema::wire::Endian;
 
-    /// 3 counts of 0.1 are 0.30000000000000004.
+    /// In floating point, 3 counts of 0.1 are 0.30000000000000004; the limit is 0.3.
     #[test]
     fn the_count_at_a_limit_is_within_it() {
         let endian = Endian::Big;

@@ -348,7 +348,7 @@ fn a_modbus_device_speaks_ascii() {
         .replace("baud = 9600", "baud = 9600\nformat = \"7E1\"");
     let mut driver = Driver::new(&ascii, &[1]);
     driver.send(b":0104000A0002EF\r\n");
-    // 0x01352907; the sum of 01 04 04 01 35 29 07 is 0x6F.
+    // The value is 0x01352907; the sum of 01 04 04 01 35 29 07 is 0x6F.
     assert_eq!(driver.listen(100), b":0104040135290791\r\n");
     driver.send(b":0104000A0002EE\r\n");
     assert!(driver.listen(100).is_empty());

@@ -86,7 +86,8 @@ fn a_silence_may_end_the_frames_of_one_end() {
     assert_eq!(said(&mut device, 100), "AB");
 }
 
-/// 0x0201 ^ 0x0403 = 0x0602, low byte first; the checksum's own two bytes count as 0.
+/// The checksum is 0x0201 ^ 0x0403 = 0x0602, low byte first; the checksum's own two bytes count as
+/// 0.
 #[test]
 fn a_checksum_within_what_it_covers_counts_as_0() {
     let description = parse(
@@ -343,7 +344,7 @@ fn a_length_can_stand_twice() {
     values.set("serial", Value::Int(12_345_678));
     let message = &description.messages()[0];
     let frame = description.frame(message, &values).expect("fits");
-    // 08 + 78 + 56 + 34 + 12 = 11C.
+    // The checksum is the low byte of 08 + 78 + 56 + 34 + 12 = 11C.
     let wanted = [0x68, 5, 5, 0x68, 8, 0x78, 0x56, 0x34, 0x12, 0x1C, 0x16];
     assert_eq!(frame, wanted);
     let found = |bytes: &[u8]| description.cutter().push(bytes).flatten().count();

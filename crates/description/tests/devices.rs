@@ -147,7 +147,7 @@ fn the_meter_answers_modbus() {
     );
     let mask = with_crc(&[1, 22, 0, 2, 0, 0xF0, 0, 0x0F]);
     assert_eq!(meter.ask(&mask), mask);
-    // (100 & 0xF0) | (0x0F & 0x0F) = 0x6F.
+    // The masked write gives (100 & 0xF0) | (0x0F & 0x0F) = 0x6F.
     assert_eq!(
         meter.ask(&with_crc(&[1, 3, 0, 2, 0, 1])),
         with_crc(&[1, 3, 2, 0, 0x6F])

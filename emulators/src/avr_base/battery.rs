@@ -145,7 +145,8 @@ mod tests {
         assert_eq!(memory.read(33, 3), [0x2E, 0x00, 81]);
     }
 
-    /// 0.037 * 13305 - 363 = 129.3, which is -127 in eight bits with sign.
+    /// At 13305 mV the percentage is 0.037 * 13305 - 363 = 129.3, which is -127 in eight bits with
+    /// sign.
     #[test]
     fn fielded_percent_wrap_above_127() {
         let memory = sampled(13_305.0, BatteryRegisters::HighByteOnly);

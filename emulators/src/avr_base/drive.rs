@@ -200,7 +200,7 @@ mod tests {
             p_min: 0,
             i_plus: 0,
         };
-        // 20*6 + 20*2 = 160; 0.84 * 160 + 40 = 174.4.
+        // The regulator gives 20*6 + 20*2 = 160, and the pulse width is 0.84 * 160 + 40 = 174.4.
         let drive = Regulator::default().step(gains, 20, 0);
         assert_eq!(drive, Drive::Power(174));
     }
@@ -214,7 +214,7 @@ mod tests {
     }
 
     /// Errors of 35 add up to 175 and no further, as 210 is too much. Then an error of -35 gives
-    /// -35 * 11 + 140 * 4 = 175, and 0.84 * 175 + 40 = 187.
+    /// -35 * 11 + 140 * 4 = 175, and the pulse width is 0.84 * 175 + 40 = 187.
     #[test]
     fn the_sum_of_errors_is_bounded() {
         let mut regulator = Regulator::default();
@@ -284,7 +284,7 @@ mod tests {
         let seen = [3, 6, 9, 12, 15].map(|turned| polled(turned, 3));
         assert_eq!(seen, [3, 0, -3, 0, 3]);
         assert_eq!([polled(-3, 3), polled(-6, 3), polled(-9, 3)], [-3, 0, 3]);
-        // 4 in 3 looks: 1, 1 and 2.
+        // Four edges in three looks come as 1, 1 and 2.
         assert_eq!([polled(4, 3), polled(2, 3)], [2, 2]);
     }
 }

@@ -458,7 +458,7 @@ mod tests {
             [279, 291, 303, 304, 309, 267].map(at),
             [5, 0xFA, 12, 13, 0xF2, 1]
         );
-        // 0102_0304 / 2 + -9 / 2, cut towards zero.
+        // The mean is 0102_0304 / 2 + -9 / 2, each cut towards zero.
         let mean = i32::from_le_bytes([305, 306, 307, 308].map(at));
         assert_eq!(mean, 0x0081_0182 - 4);
         assert!(Memory::reaches_motors(255, 13) && !Memory::reaches_motors(255, 12));

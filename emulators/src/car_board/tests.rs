@@ -64,7 +64,8 @@ fn secs(secs: u64) -> Instant {
     Instant::from_secs(secs)
 }
 
-/// Level 2 is 22 cm/s, -3 is -22 cm/s, both within 5 %; -2 does not move the car.
+/// Level 2 drives at 22 cm/s and level -3 at -22 cm/s, both within 5 %. Level -2 does not move the
+/// car.
 #[test]
 fn levels_2_and_minus_3_are_22_cm_a_second() {
     for (byte, speed) in [(0x8C, 0.22), (0x87, -0.22), (0x88, 0.0), (0x8A, 0.0)] {
@@ -77,7 +78,8 @@ fn levels_2_and_minus_3_are_22_cm_a_second() {
     }
 }
 
-/// Value 0 (byte 32) is 6 degrees to the left, -50 is 25, 50 is 18 to the right.
+/// Steering value 0 (byte 32) is 6 degrees to the left, -50 is 25 degrees to the left, 50 is 18 to
+/// the right.
 #[test]
 fn steering_values_turn_the_wheels_as_the_table_says() {
     let mut run = run(BoardConfig::default());
@@ -106,8 +108,8 @@ fn a_board_may_send_while_a_frame_waits() {
     assert_eq!(run.board.transmit(CarBoard::UART, &mut buf), 0);
 }
 
-/// 10 s are 150 frames less the first period. 39.789 pulses a metre: 2 m straight are 79 or 80. In
-/// a left turn of 1/m the left wheel rolls 1 - 0.0775 of the middle's distance.
+/// 10 s are 150 frames less the first period. With 39.789 pulses a metre, 2 m straight are 79 or 80
+/// pulses. In a left turn of 1/m the left wheel rolls 1 - 0.0775 of the middle's distance.
 #[test]
 fn the_hall_sensor_gives_39_8_pulses_a_metre_of_the_left_wheel() {
     let mut run = run(BoardConfig::default());
@@ -185,7 +187,8 @@ fn the_line_byte_follows_a_line_on_the_floor() {
     }
 }
 
-/// 8000 mV, 0.33 mV/s and 60 mV of sag at level 2; below 6.8 V the board sends no frames.
+/// The battery starts at 8000 mV, loses 0.33 mV/s and sags by 60 mV at level 2. Below 6.8 V the
+/// board sends no frames.
 #[test]
 fn the_battery_runs_down_until_the_board_gives_up() {
     let mut run = run(BoardConfig::default());
@@ -245,7 +248,8 @@ fn ap15_a_silent_host_stops_the_car_within_a_second_and_a_half_if_wanted() {
     assert!(safe.world.speed() > 0.2);
 }
 
-/// 95 is level 11, 65 the steering value 51: ignored, or level 10 and value 50.
+/// Byte 95 would be level 11, byte 65 the steering value 51. They are ignored, or taken as level 10
+/// and value 50.
 #[test]
 fn commands_beyond_their_range_are_told_and_ignored_or_clamped() {
     for (out_of_range, speed, degrees) in [

@@ -595,8 +595,9 @@ fn leftovers_are_dropped_or_kept_as_the_profile_says() {
 
 // ---- throughput ----
 
-/// Field measurement and arithmetic: 46.08 kB/s in, 20.5 kB/s out, 700 B between: the first byte
-/// is lost after 700 * 46.08 / 25.58 = 1,261 bytes, 27 ms after the beginning.
+/// Field measurement and arithmetic: 46.08 kB/s come in, 20.5 kB/s go out, and the FIFO holds 700
+/// bytes. The first byte is lost after 700 * 46.08 / 25.58 = 1,261 bytes, 27 ms after the
+/// beginning.
 #[test]
 fn a_flood_at_460800_loses_its_first_byte_after_1260() {
     let mut bench = Bench::connected(at(BAUD));
@@ -612,7 +613,7 @@ fn a_flood_at_460800_loses_its_first_byte_after_1260() {
     assert_eq!(bench.violations(), ["fifo-overflow"]);
 }
 
-/// 23.04 kB/s in: the overflow comes after 700 * 23.04 / 2.54 = 6.35 kB.
+/// With 23.04 kB/s coming in, the overflow comes after 700 * 23.04 / 2.54 = 6.35 kB.
 #[test]
 fn a_flood_at_230400_overflows_after_some_six_kilobytes() {
     let mut bench = Bench::connected(at(230_400));

@@ -327,8 +327,8 @@ mod tests {
         let after = |speed_end: f64| rotor.crossing(0.6, speed_end) - Instant::from_secs(1);
         assert_eq!(after(160.0).as_nanos() / 100, 8_053);
         assert_eq!(after(100.0).as_micros(), 1_000);
-        // The head loses 12 degrees a second each millisecond: 1.2 / (600 + sqrt(360,000 -
-        // 14,400)).
+        // The head loses 12 degrees a second each millisecond: the time is 1.2 / (600 +
+        // sqrt(360,000 - 14,400)) s.
         assert_eq!(after(98.0).as_nanos() / 100, 10_102);
     }
 

@@ -49,7 +49,7 @@ impl PolledEncoder {
 mod tests {
     use super::*;
 
-    /// 60 counts a turn of a wheel of 32 mm: 60 / (2 pi 0.032 m).
+    /// Edges per metre with 60 counts a turn of a wheel of 32 mm: 60 / (2 pi 0.032 m).
     const EDGES_PER_M: f64 = 298.415_518;
 
     /// Counted edges per true edge at `speed`, polled every 10 ms for 20 s.
@@ -82,7 +82,7 @@ mod tests {
     }
 
     /// A contact that never closes: the edges of the other one count forward and backward. By hand,
-    /// from both closed: 2, 2, 3, 3, then 2, 2, 3, 3 forever.
+    /// if both were closed at first, the states are 2, 2, 3, 3, then 2, 2, 3, 3 forever.
     #[test]
     fn a_contact_that_never_closes_counts_nothing() {
         let mut encoder = PolledEncoder::default();

@@ -215,9 +215,9 @@ mod tests {
     use super::*;
     use crate::world::{Ackermann, AckermannConfig, Fixture, Pose, Scene};
 
-    /// 1, -0.5 and 0.25 of 9.80665 m/s²; a field of 20 uT along x and 10 along y, seen by a car
-    /// that is turned by 30 degrees: 17.32 + 5 and 8.66 - 10. Without a magnetometer it reads 0,
-    /// and a line ends with LF alone.
+    /// The accelerations are 1, -0.5 and 0.25 times 9.80665 m/s². A field of 20 uT along x and 10
+    /// uT along y reads 17.32 + 5 and 8.66 - 10 in a car that is turned by 30 degrees. Without a
+    /// magnetometer it reads 0, and a line ends with LF alone.
     #[test]
     fn the_later_sketch_prints_what_its_sensors_tell() {
         let scene = Scene::new(Vec::<Fixture>::new(), vec![]).expect("empty");

@@ -273,7 +273,8 @@ mod tests {
         news[0]
     }
 
-    /// Cells of 10 mm, 30 mm x 20 mm of them in one layer, the robot at (0, 0): 3 x 2 cells.
+    /// A map of 30 mm x 20 mm in cells of 10 mm, so 3 x 2 cells, in one layer, with the robot at
+    /// (0, 0).
     const MAP: [u8; 13] = [10, 30, 0, 20, 0, 1, 0, 0, 0, 0, 0, 0, 0];
     /// A map of the same format without any cell.
     const NO_MAP: [u8; 13] = [10, 9, 0, 20, 0, 1, 0, 0, 0, 0, 0, 0, 0];

@@ -157,7 +157,7 @@ fn waypoints_are_numbered_and_chained() {
 
     let payload =
         b"\x02\x00\x02\x00\x02\x00\x00\x00\x00\xFF\xFF\x05\x00\xFB\xFF\x00\x01\x00\x00\x00";
-    // 2+2+2 + 2*0xFF + 5 + 0xFB+0xFF + 1 = 0x404
+    // The sum of the payload is 2+2+2 + 2*0xFF + 5 + 0xFB+0xFF + 1 = 0x404.
     let golden = [b"PCUI_MSG\x14\x00\x04\x04\x00\x00LWP".as_slice(), payload].concat();
     assert_eq!(desk.text(), golden);
 }

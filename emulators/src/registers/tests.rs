@@ -71,7 +71,8 @@ fn rules(slave: &mut Registers) -> Vec<&'static str> {
         .collect()
 }
 
-/// AB + 02 + 02 = AF; x is 1000 = 03E8, and AB + 02 + 82 + E8 + 03 = 21A.
+/// The checksum of the request is AB + 02 + 02 = AF. The value x is 1000 = 03E8, and the checksum
+/// of the reply is AB + 02 + 82 + E8 + 03 = 21A.
 #[test]
 fn a_value_of_the_world_is_read_low_byte_first() {
     let mut slave = slave();
@@ -80,7 +81,8 @@ fn a_value_of_the_world_is_read_low_byte_first() {
     assert_eq!(rules(&mut slave), [""; 0]);
 }
 
-/// AB + 01 + 81 + EC = 219: -20 is EC. The acknowledgement is AB + 01 = AC.
+/// The value -20 is EC, and the write's checksum AB + 01 + 81 + EC = 219. The acknowledgement's
+/// checksum is AB + 01 = AC.
 #[test]
 fn a_written_value_is_acknowledged_and_read_back() {
     let mut slave = slave();
@@ -131,7 +133,7 @@ fn each_rule_finds_its_guilty_master() {
         ["write-read-only"]
     );
     assert_eq!(guilty(&[0xAB, 8, 0x81, 1, 0x35, 0x01]).0, ["value-cut"]);
-    // 51 = 33 is one more than allowed: AB + 01 + 81 + 33 = 160.
+    // The value 51, 33 hex, is one more than allowed; the checksum is AB + 01 + 81 + 33 = 160.
     assert_eq!(guilty(&[0xAB, 1, 0x81, 51, 0x60, 0x01]).0, ["out-of-range"]);
     let hasty = [0xAB, 2, 2, 0xAF, 0x00].repeat(2);
     assert_eq!(guilty(&hasty).0, ["request-before-reply"]);

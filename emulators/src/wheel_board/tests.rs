@@ -143,7 +143,7 @@ fn the_right_wheel_is_mirrored() {
 #[test]
 fn counters_wrap() {
     let mut bench = bench(motors_alike(), &[]);
-    // 10,000 / 24 V of 254.65 rpm / 40 rpm/V: 2,652.
+    // The duty for 254.65 rpm at 40 rpm/V is 10,000 / 24 V times that voltage: 2,652 above a half.
     let duty = 5_000 + 2_652;
     bench.set(forward(duty, duty));
     bench.run(16_000);
@@ -222,7 +222,8 @@ fn sensors_are_numbered_clockwise_from_ahead() {
     let mut bench = bench(motors_alike(), &[[0.29, -2.0, 0.29, 2.0]]);
     bench.run(100);
     assert_eq!(bench.last().adc, 1_507);
-    // 0.29 - 0.09 cos 60 = 0.245 m ahead, 0.49 m along the beam: 0.5718 V.
+    // The wall is 0.29 - 0.09 cos 60 = 0.245 m ahead of the sensor and 0.49 m away along its beam:
+    // 0.5718 V.
     for channel in [1, 5] {
         bench.set(Outputs {
             channel,
@@ -239,7 +240,7 @@ fn sensors_are_numbered_clockwise_from_ahead() {
     assert!([0, 3, 4, 5].iter().all(|at| volts[*at] < 0.2), "{volts:?}");
 }
 
-/// A new value each 38.3 ms, 28.7 to 47.9: 261 in ten seconds.
+/// A new value comes each 38.3 ms on average, after 28.7 to 47.9 ms: 261 values in ten seconds.
 #[test]
 fn a_value_is_held_until_the_next() {
     let mut config = motors_alike();

@@ -61,7 +61,8 @@ mod tests {
 
     const OVER: Duration = Duration::from_millis(10);
 
-    /// 0.6 m/s with a lag of 0.3 s: 2 m/s² at first, 1/e of it, 0.73576, after 0.3 s.
+    /// A car that starts to 0.6 m/s with a lag of 0.3 s accelerates by 2 m/s² at first, and by 1/e
+    /// of that, 0.73576 m/s², after 0.3 s.
     #[test]
     fn a_car_that_starts_is_pressed_into_its_seat() {
         let mut world = car();
@@ -78,7 +79,8 @@ mod tests {
         assert!((felt.x - 0.735_76).abs() < 0.02, "{felt:?}");
     }
 
-    /// A circle of 0.258 m / tan 0.3 = 0.834 m at 0.6 m/s: 0.36 / 0.834 = 0.4316 m/s² to the left.
+    /// On a circle of 0.258 m / tan 0.3 = 0.834 m at 0.6 m/s the acceleration is 0.36 / 0.834 =
+    /// 0.4316 m/s² to the left.
     #[test]
     fn a_curve_pulls_to_its_middle() {
         let mut world = car();

@@ -101,7 +101,7 @@ fn seconds(nanos: u64) -> f64 {
 mod tests {
     use super::*;
 
-    /// At x = 0 after 1 s, at x = 2 after 3 s, at x = 3 after 4 s.
+    /// A path that is at x = 0 after 1 s, at x = 2 after 3 s, at x = 3 after 4 s.
     fn path(repeat: Repeat) -> Path {
         let waypoint = |secs, x| Waypoint {
             at: Instant::from_secs(secs),

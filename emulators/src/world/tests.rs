@@ -44,7 +44,7 @@ fn close(found: f64, expected: f64, slack: f64) -> bool {
     (found - expected).abs() <= slack
 }
 
-/// 2 pi * 26 mm / 360 = 0.45379 mm.
+/// A wheel of 26 mm with 360 ticks a turn travels 2 pi * 26 mm / 360 = 0.45379 mm a tick.
 #[test]
 fn a_tick_is_0_45379_mm_of_wheel_travel() {
     assert!(close(BodyConfig::default().tick_m(), 0.453_79e-3, 5e-9));
@@ -134,12 +134,12 @@ fn brakes_stop_the_robot_sooner_than_coasting() {
         braking.set_drive(wheel, Drive::Brake);
         coasting.set_drive(wheel, Drive::Coast);
     }
-    // From 350 mm/s a lag of 20 ms is below 1 mm/s after 20 ms * ln 350 = 117 ms.
+    // From 350 mm/s, a wheel with a lag of 20 ms is below 1 mm/s after 20 ms * ln 350 = 117 ms.
     braking.advance(Instant::from_millis(1_120));
     coasting.advance(Instant::from_millis(1_120));
     assert!(!braking.is_moving());
     assert!(coasting.is_moving());
-    // 150 ms * ln 350 = 879 ms.
+    // With a lag of 150 ms it takes 150 ms * ln 350 = 879 ms.
     coasting.advance(Instant::from_millis(1_885));
     assert!(!coasting.is_moving());
 }
@@ -287,7 +287,8 @@ fn a_sudden_push_is_stretched() {
     assert!(close(world.pose().x, 0.5, 1e-12));
 }
 
-/// 20 rad/s at most, in either direction: 3 rad take 150 ms; beside a metre, at 5 m/s, 200 ms.
+/// A twist has at most 20 rad/s, in either direction: 3 rad take 150 ms. Together with a push of a
+/// metre, at 5 m/s, they take 200 ms.
 #[test]
 fn a_sudden_twist_is_stretched() {
     for (way, twist, half_ms) in [
@@ -341,7 +342,7 @@ fn leaning_on_a_wall_is_one_contact_at_the_speed_of_arrival() {
     assert_eq!(contacts.len(), 1);
     assert!(close(contacts[0].speed_m_s, 0.350, 1e-6), "{contacts:?}");
     assert!(close(contacts[0].place.x, 0.5, 1e-12) && close(contacts[0].place.y, 0.0, 1e-9));
-    // 0.34 m at 350 mm/s with 60 ms of lag: 1.031 s.
+    // 0.34 m at 350 mm/s with 60 ms of lag take 1.031 s.
     assert!(
         close(contacts[0].at.as_secs_f64(), 1.031, 0.002),
         "{contacts:?}"

@@ -265,7 +265,8 @@ mod tests {
         assert_eq!(seek(337.1), (true, 0));
     }
 
-    /// The capture's boundary: skipped from 0.189-0.217 % faster, late from 3.52-3.58 % slower.
+    /// In the capture the boundary of a skipped slot lies between 0.189 and 0.217 % of faster
+    /// turning, that of a late tooth between 3.52 and 3.58 % of slower turning.
     #[test]
     fn a_slot_is_skipped_and_a_tooth_is_late_where_the_capture_says() {
         let slots = |faster: f64| 24.0 / (1.0 + faster);

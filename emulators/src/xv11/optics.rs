@@ -233,8 +233,9 @@ mod tests {
         }
     }
 
-    /// Golden packet: 271 mm with strength 80 warns, its neighbours 266 mm / 356 and 263 mm / 466
-    /// do not. The farthest warning seen is at 648 mm.
+    /// In the golden packet the reading of 271 mm with strength 80 has a warning. Its neighbours,
+    /// 266 mm with strength 356 and 263 mm with 466, have none. The farthest warning seen is at 648
+    /// mm.
     #[test]
     fn only_near_and_dim_readings_carry_the_warning() {
         assert!(is_weak(271.0, 80.0));

@@ -226,8 +226,8 @@ fn the_speed_word_changes_once_per_tooth() {
     assert!(changes.clone().all(|w| w[1].index() % 6 == 1));
 }
 
-/// Capture: 0x21 at 2 (mod 24) only, 203 of 1,800 teeth, most of them at degrees 170 and 194; the
-/// strength is that of the reading before.
+/// In the capture, code 0x21 occurs at degrees 2 (mod 24) only, in 203 of 1,800 teeth, most of them
+/// at degrees 170 and 194; the strength is that of the reading before.
 #[test]
 fn skipped_slots_lie_at_2_mod_24_and_carry_the_strength_before() {
     let mut bench = Bench::new(2, captured(), room(0.4));
@@ -258,9 +258,9 @@ fn coast(seed: u64) -> Bench {
     bench
 }
 
-/// The end of the capture: 0x22 and three 0x50 from about 207 rpm on, one doubled tooth of 351
-/// rpm at 175, then 0x52 with index steps of 45 and 46, about 0.6 s of silence of the encoder, a
-/// packet cut short, and the boot text.
+/// The end of the capture has these codes: 0x22 and three 0x50 from about 207 rpm on, one doubled
+/// tooth of 351 rpm at 175, then 0x52 with index steps of 45 and 46, about 0.6 s of silence of the
+/// encoder, a packet cut short, and the boot text.
 #[test]
 fn a_cut_motor_ends_in_the_captured_sequence() {
     let mut bench = coast(1);
@@ -340,7 +340,8 @@ fn a_blind_encoder_boots_in_a_loop() {
     assert!(text.contains("abort...OK"));
 }
 
-/// The seed's regulator: integrates (300 - rpm) / 64 per packet from 180 on, duty 50 to 255.
+/// The seed's regulator: the duty starts at 180, changes by (300 - rpm) / 64 per packet, and stays
+/// within 50 to 255.
 #[test]
 fn the_seed_regulator_holds_300_rpm_with_the_hosts_drive() {
     let host = Config {

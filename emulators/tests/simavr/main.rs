@@ -92,7 +92,7 @@ impl Surroundings {
         let index = encoders.iter().position(|it| it.name == "drive").unwrap();
         let counts = self.world.encoder(index).unwrap_or_default();
         let edges = counts as f64 * EDGES_PER_M / encoders[index].counts_per_m + 1e-6;
-        // 00, 10, 11, 01 as B A.
+        // The order of the contacts is 00, 10, 11, 01, written as B A.
         #[expect(clippy::cast_possible_truncation, reason = "0 to 3")]
         let place = edges.floor().rem_euclid(4.0) as usize;
         [0, 2, 3, 1][place]

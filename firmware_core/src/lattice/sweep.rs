@@ -378,8 +378,8 @@ mod tests {
         map.iter().map(|&(x, y)| [x, y]).collect()
     }
 
-    /// 2 m long and 1 m wide, at (10, 5), unturned and turned by a quarter: squares of 0.4 m with
-    /// middles 1.2 m and 0.7 m away only touch.
+    /// An outline 2 m long and 1 m wide at (10, 5), unturned and turned by a quarter: squares of
+    /// 0.4 m with middles 1.2 m and 0.7 m away only touch.
     #[test]
     fn an_outline_overlaps_what_is_nearer_than_half_of_both() {
         let outline = Outline::rectangle(1.0, 1.0, 0.5);

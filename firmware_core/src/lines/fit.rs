@@ -162,8 +162,8 @@ mod tests {
         assert_eq!((fit.line().start, fit.line().end), (fit.start, fit.end));
     }
 
-    /// (0, 10) + s (4, 3) and (100, 0) + s (0, 1) meet at (100, 85). Lines less than 5.7 degrees
-    /// apart have no intersection.
+    /// The lines (0, 10) + s (4, 3) and (100, 0) + s (0, 1) meet at (100, 85). Lines less than 5.7
+    /// degrees apart have no intersection.
     #[test]
     fn two_lines_meet_where_both_would_go_on_to() {
         let (one, other) = (

@@ -69,7 +69,8 @@ mod tests {
         assert!(is(psi_deg(-FRAC_PI_2), -90.0) && is(psi_deg(0.1).abs(), 174.270_4));
     }
 
-    /// Four quarter turns to the left give 90, 0, -90, -180, -270; then half a turn back.
+    /// Four quarter turns to the left give the headings 90, 0, -90, -180 and -270; then half a turn
+    /// back.
     #[test]
     fn all_turns_are_kept() {
         let mut psi = Psi::new();

@@ -28,8 +28,9 @@ fn document(psi_deg: i16, target_deg: i16) -> [i8; 2] {
     Steering::DOCUMENT.towards(aim(target_deg) - aim(psi_deg))
 }
 
-/// Seed report, chapter on navigation, and the fielded program's own answers: ahead (20, 20),
-/// 90 degrees left (-10, 20), right (20, -10), behind (-20, 20).
+/// Seed report, chapter on navigation, and the fielded program's own answers, as speeds of the left
+/// and the right wheel: ahead (20, 20), 90 degrees left (-10, 20), right (20, -10), behind (-20,
+/// 20).
 #[test]
 fn steering_follows_the_seeds_table() {
     assert_eq!(document(90, 90), [20, 20]);

@@ -75,7 +75,7 @@ fn more_boxes_need_more_guesses() {
     );
     assert_eq!(localiser.needed(1), 0);
     assert_eq!(localiser.needed(2), 66);
-    // Forty boxes (k = 39): 390 (1 - 0.0057 + 0.07549 * 2.326)^3 = 390 * 1.6011.
+    // Forty boxes (k = 39) need 390 (1 - 0.0057 + 0.07549 * 2.326)^3 = 390 * 1.6011.
     assert_eq!(localiser.needed(40), 625);
 }
 
@@ -100,7 +100,7 @@ fn a_guess_moves_as_the_odometry_says() {
     }
 }
 
-/// A circle of 1 m: tan(0.245) = 0.25 / 1.
+/// Steering angle for a circle of 1 m: tan(0.245) = 0.25 / 1.
 const STEERING: f64 = 0.245;
 
 /// One drive of 5 m round a circle of 1 m; error of the estimate at its end, in metres and in
@@ -332,8 +332,8 @@ fn beams_end_where_the_scanner_sees_them() {
     assert_eq!(localiser.usable(&[beam(0.0, 1.0); 119]).len(), 119);
 }
 
-/// One obstacle 1 m ahead of the first guess: 1 + (1/2 + 1/12)^3 = 1.1985 against
-/// 1 + (1/12)^3 = 1.0006 where the beam ends 2 m from it.
+/// One obstacle 1 m ahead of the first guess: its weight is 1 + (1/2 + 1/12)^3 = 1.1985 against 1 +
+/// (1/12)^3 = 1.0006 where the beam ends 2 m from it.
 #[test]
 fn the_guess_whose_beams_end_on_an_obstacle_weighs_more() {
     let obstacles: Vec<bool> = (0..100 * 90).map(|at| at == 20 * 100 + 80).collect();
@@ -416,8 +416,8 @@ fn every_second_guess_believes_the_other() {
     assert_eq!(along, [0.5, 1.0, 0.5, 1.0]);
 }
 
-/// A third of 900 guesses is scattered around the estimate: 300, within four deviations of 14; by 1
-/// m along x, 0 along y, 0.2 rad.
+/// A third of 900 guesses is scattered around the estimate: 300, within four deviations of 14. They
+/// are moved with deviations of 1 m along x, 0 along y and 0.2 rad.
 #[test]
 fn a_search_throws_a_part_of_the_guesses() {
     let start = pose(2.0, 1.0, 0.5);

@@ -418,7 +418,7 @@ mod tests {
         assert_eq!(link.time_of(4_608), Duration::from_millis(100));
     }
 
-    /// PU-16, and PU-12: 200 bytes, then no more.
+    /// PU-16, and PU-12: the fielded queue takes 200 bytes and no more.
     #[test]
     fn the_fielded_queue_is_late_and_short() {
         let late = Defects {
@@ -625,8 +625,8 @@ mod tests {
         assert!(link.receive(at(500), &mut input).is_some());
     }
 
-    /// Psi takes the shorter direction each time: from 90 to -89 by 179 back, and half a turn
-    /// counts as back; from 300 to 20 by 80 forward.
+    /// Psi takes the shorter direction each time: from 90 to -89 it goes back by 179, from 300 to
+    /// 20 forward by 80. Half a turn counts as back.
     #[test]
     fn a_counted_psi_takes_the_shorter_way_round() {
         let count = |told: &[i16]| {

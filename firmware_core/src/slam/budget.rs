@@ -94,7 +94,7 @@ mod tests {
         }
     }
 
-    /// SL-03: 17 overruns from 970 tries.
+    /// SL-03: seventeen overruns in a row, from 970 tries on.
     #[test]
     fn overruns_never_make_the_budget_huge() {
         let after_17 = |is_bounded| {

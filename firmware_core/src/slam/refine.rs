@@ -366,7 +366,7 @@ mod tests {
         assert!((end.x_mm - start.x_mm).abs() < 1.0, "{end:?}");
     }
 
-    /// x + 2y = 5, 2x + 8y + z = 21, y + 3z = 11 has the solution 1, 2, 3.
+    /// The equations x + 2y = 5, 2x + 8y + z = 21 and y + 3z = 11 have the solution 1, 2, 3.
     #[test]
     fn the_equations_are_solved_and_saddles_refused() {
         let solution = solve([1.0, 8.0, 3.0], [2.0, 0.0, 1.0], [5.0, 21.0, 11.0]).unwrap();
@@ -404,7 +404,8 @@ mod tests {
         })
     }
 
-    /// x + y + z = 6, x + 5y + 3z = 20, x + 3y + 6z = 25 has the solution 1, 2, 3.
+    /// The equations x + y + z = 6, x + 5y + 3z = 20 and x + 3y + 6z = 25 have the solution 1, 2,
+    /// 3.
     #[test]
     fn equations_with_all_entries_are_solved() {
         let solution = solve([1.0, 5.0, 6.0], [1.0, 1.0, 3.0], [6.0, 20.0, 25.0]);
@@ -453,7 +454,8 @@ mod tests {
         assert_eq!(at(64 + 16), at(16));
     }
 
-    /// Sixteenths of a cell: 3-4-5 triangles of 5 and 1 cells.
+    /// The points are in sixteenths of a cell. (48, -64) is 5 cells away, a 3-4-5 triangle, and (0,
+    /// 16) is 1 cell away: the mean is 3 cells.
     #[test]
     fn the_mean_reach_is_in_cells() {
         assert_eq!(mean_reach_cells(&[[48, -64], [0, 16]]), 3.0);

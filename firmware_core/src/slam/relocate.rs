@@ -407,7 +407,8 @@ mod tests {
         assert_eq!(found[..], expected);
     }
 
-    /// Lost at 1 m, 1 m with a heading of 3.1, across pi from -3.1: within 0.5 m and 0.2 rad.
+    /// The robot was lost at (1, 1) m with a heading of 3.1 rad, which is across pi from -3.1. The
+    /// allowed difference is 0.5 m and 0.2 rad.
     #[test]
     fn a_robot_that_drove_a_known_way_is_within_it() {
         let bound = Bound {

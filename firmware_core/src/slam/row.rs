@@ -495,8 +495,8 @@ mod tests {
         assert_eq!(narrow, 0);
     }
 
-    /// Lanes 100, 101 up to 131; a lane without a mask does not count, and 131 without its lowest
-    /// two bits is 128.
+    /// The lanes hold 100, 101 up to 131; a lane without a mask does not count, and 131 without its
+    /// lowest two bits is 128.
     #[test]
     fn the_highest_lane_is_that_of_the_masks() {
         let sums = Sums::from_lanes(|lane| 100 + u16::try_from(lane).unwrap());

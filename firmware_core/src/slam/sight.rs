@@ -161,7 +161,8 @@ mod tests {
         let askew = core::f32::consts::FRAC_PI_4;
         let predicted = Pose::new(1000.0, 500.0, askew);
         let pose = as_far_as_seen(&corridor(), predicted, Pose::new(1010.0, 504.0, askew));
-        // Moved by (10, 4): 7 along (1, 1) and 3 along (1, -1), of which the scan keeps the latter.
+        // A motion by (10, 4) is 7 along (1, 1) and 3 along (1, -1), of which the scan keeps the
+        // latter.
         assert!((pose.x_mm - 1003.0).abs() < 0.2, "{pose:?}");
         assert!((pose.y_mm - 497.0).abs() < 0.2, "{pose:?}");
     }

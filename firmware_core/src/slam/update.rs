@@ -350,8 +350,8 @@ mod tests {
         }
     }
 
-    /// Field firmware's profile, weight 255, wall at 1000 mm, hole 350 mm, 20 mm cells: hit 50
-    /// cells away, end 59 cells away.
+    /// The profile of the field firmware with weight 255, for a wall at 1000 mm, a hole of 350 mm
+    /// and cells of 20 mm: the hit is 50 cells away, the end 59 cells.
     #[test]
     fn the_hole_has_the_fielded_profile() {
         let cells = row::<70>(&along_x(0, 50, 59), BLACK, 0);

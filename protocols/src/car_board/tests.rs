@@ -68,7 +68,7 @@ fn a_steering_value_keeps_its_number() {
     assert!(kept(51).is_err() && kept(-51).is_err());
 }
 
-/// 13 cm, 200 cm, 150 cm, no line, 269 pulses, 7200 mV.
+/// A frame with ranges of 13 cm, 200 cm and 150 cm, no line, 269 pulses and 7200 mV.
 const VECTOR: [u8; FRAME_LEN] = [
     0x00, 0x0F, 0x0D, 0x00, 0xC8, 0x00, 0x96, 0x00, 0x00, 0x0D, 0x01, 0x20, 0x1C,
 ];
@@ -131,8 +131,9 @@ fn a_sync_inside_a_frame_holds_the_fielded_decoder_for_ever() {
     assert_eq!(decode(begun), [frame; 7]);
 }
 
-/// A frame that is one three bytes later as well: 258 cm are 02 01, so the front reads 0200 and the
-/// right 0001; a battery of 0x1C01, 7169 mV, makes the line 1; the next frame's 28 cm make 0x1C0F.
+/// A frame in which another valid frame begins three bytes later: 258 cm are 02 01, so the front
+/// reads 0200 and the right 0001; a battery of 0x1C01, 7169 mV, makes the line 1; the next frame's
+/// 28 cm make 0x1C0F.
 const TWOFOLD: Readings = Readings {
     front_cm: 0x1C,
     right_cm: 15,

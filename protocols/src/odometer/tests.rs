@@ -22,8 +22,8 @@ fn content(line: &Text) -> &str {
 
 /// By hand, 0.865 also by a second implementation of 32-bit arithmetic. 2.125 is exact and rounds
 /// up, where C's `printf` rounds to even. 0.865 is 0.8650000095 in 32 bits and should be 0.87, but
-/// 0.86999999 times ten loses the last digit. 20000.125 has 1/512 as its last place: 0.005 more is
-/// 67 of 512.
+/// 0.86999999 times ten loses the last digit. 20000.125 has 1/512 as its last place: 0.005 more
+/// gives 67 of 512 behind the point.
 #[test]
 fn floats_are_printed_in_the_arduino_way() {
     let cases = [
@@ -51,8 +51,8 @@ fn floats_are_printed_in_the_arduino_way() {
     assert_eq!(whole, "3");
 }
 
-/// 1.25 m, 0.5 rad/s, 1.5 rad or 85.9437 degrees, 12.345 s. Sums: 1.25 + 0.5 + 85.9437 + 12.345 =
-/// 100.0387; 1.25 + 0.00625 + 1.5 + 12345 = 12347.75625.
+/// The line holds 1.25 m, 0.5 rad/s, 1.5 rad or 85.9437 degrees, and 12.345 s. The sums are 1.25 +
+/// 0.5 + 85.9437 + 12.345 = 100.0387; 1.25 + 0.00625 + 1.5 + 12345 = 12347.75625.
 #[test]
 fn each_dialect_is_laid_out_by_hand() {
     let measured = Measurement {

@@ -396,7 +396,8 @@ mod tests {
         assert_eq!(decoded.message(), Ok(Message::Map(map)));
     }
 
-    /// State of mode 2: 1 and -1, 300 and -300 mm/s, set point 5 and -5.
+    /// A state with mode 2, wheels at 1 and -1 and at 300 and -300 mm/s, and the set-points 5 and
+    /// -5.
     #[test]
     fn a_state_is_read_by_hand() {
         let payload = [2, 1, 0xFF, 0x2C, 0x01, 0xD4, 0xFE, 5, 0xFB];

@@ -66,7 +66,7 @@ fn requests_are_those_of_the_document() {
         bytes(Command::MotorPwm { pwm: 660 }),
         [0xA5, 0xF0, 0x02, 0x94, 0x02, 0xC1]
     );
-    // A5 ^ 84 ^ 04 ^ 70 = 55; with a mode A5 ^ 84 ^ 06 ^ 71 ^ 01 = 57.
+    // The checksum is A5 ^ 84 ^ 04 ^ 70 = 55, and with a mode A5 ^ 84 ^ 06 ^ 71 ^ 01 = 57.
     let (key, mode) = (0x70, None);
     assert_eq!(
         bytes(Command::Conf { key, mode }),
@@ -192,7 +192,6 @@ fn health_rate_and_conf_are_written_as_described() {
     assert_eq!(conf.answer().reply(), Reply::Conf(conf));
 }
 
-/// 0x63 * 128 + 0x8F / 2 = 12743 64ths = 199.1 degrees; the fifth is 208.7, the sixth 203.3 again.
 /// The document's key numbers, and two unknown ones.
 #[test]
 fn keys_of_the_configuration_are_known_by_their_numbers() {
@@ -201,6 +200,8 @@ fn keys_of_the_configuration_are_known_by_their_numbers() {
     assert_eq!([0x00, 0x72].map(ConfKey::from_number), [None; 2]);
 }
 
+/// The first node's angle is 0x63 * 128 + 0x8F / 2 = 12743 64ths = 199.1 degrees; the fifth is at
+/// 208.7, the sixth at 203.3 again.
 #[test]
 fn the_first_nodes_of_a_real_sensor_are_read_as_sent() {
     let bytes = [&SCAN[..], FIRST_NODES.as_flattened()].concat();

@@ -257,8 +257,8 @@ mod tests {
         assert_eq!([lead_q11(0), lead_q11(49)], [7 * 2_048 + 1_024; 2]);
     }
 
-    /// 100, 90 and 2000 mm, then 3000: major 100, difference -10, and from 3000 mm (coded 1518)
-    /// in steps of four -250.
+    /// Distances of 100, 90 and 2000 mm, then 3000 mm: the major value is 100, the first difference
+    /// -10, and the second, from 3000 mm (coded 1518) in steps of four, -250.
     #[test]
     fn a_cabin_is_laid_out_by_hand() {
         let mut samples = [3_000; ULTRA_SAMPLES];

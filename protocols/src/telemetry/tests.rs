@@ -69,7 +69,7 @@ fn what_does_not_fit_is_not_written() {
     assert_eq!(encode(&[1, 2], &mut out[..6]), Ok(6));
 }
 
-/// 3201 = 0C81.
+/// The length 3201 is 0C81 hex.
 #[test]
 fn a_length_beyond_the_buffer_is_rejected() {
     let mut decoder = Decoder::default();
@@ -102,7 +102,7 @@ fn a_pause_ends_a_frame_that_was_cut_off() {
 fn ye1_corrupt_frames_are_delivered_only_with_the_defect() {
     let mut corrupt = PLAIN;
     corrupt[3] = 9;
-    // FF - (09 + 02) = F4.
+    // The checksum should be FF - (09 + 02) = F4.
     let (expected, found) = (0xF4, 0xFC);
     let outcome: Vec<_> = Decoder::default().push(&corrupt).collect();
     assert_eq!(outcome, [Err(FrameError::Checksum { expected, found })]);
@@ -266,7 +266,7 @@ fn a_frame_knows_whether_its_checksum_holds() {
     assert_eq!(shown, "telemetry::Frame([01, 02], 00)");
 }
 
-/// 3,200 is 0C80 hex.
+/// The longest payload, 3,200 bytes, is 0C80 hex.
 #[test]
 fn the_longest_payload_is_waited_for_and_one_byte_more_is_not() {
     let outcome = |low: u8| Decoder::default().push(&[0x7E, 0x0C, low]).next();

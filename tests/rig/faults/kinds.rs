@@ -90,7 +90,7 @@ fn row(kind: FaultKind) -> Option<Row> {
 fn bytes(kind: FaultKind) -> Row {
     use FaultKind as K;
     match kind {
-        // 13 is 0001 0011; with bit 7 it is 93.
+        // Byte 13 is 0001 0011; with bit 7 flipped it is 93.
         K::Flip => text(
             "byte = 3\nbit = 7",
             "1:00 2:0d 3:11 4:93 5:81 6:05 7:06 8:07 9:08 10:09",

@@ -320,8 +320,8 @@ mod tests {
     }
 
     /// A capture that began at 5 s. Half a turn is (0, 0, 1, 0) as a quaternion. The map has cells
-    /// of 50 mm from (-1 m, 0.5 m) on. 255, 0 and 127 are a wall, free and unknown: 100, 0 and -1,
-    /// 64 00 FF.
+    /// of 50 mm from (-1 m, 0.5 m) on. The values 255, 0 and 127, a wall, free and unknown, become
+    /// 100, 0 and -1: bytes 64 00 FF.
     #[test]
     fn the_way_and_the_map_are_told_in_metres_and_absolute_times() {
         let cells = [255, 0, 127];

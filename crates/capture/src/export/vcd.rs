@@ -104,8 +104,9 @@ mod tests {
     use crate::divergence::Track;
     use crate::replay::{Passage, Recorded};
 
-    /// 0x41 at 1,000,000 baud, complete at 20 us, begins at 10 us. Levels from the start bit on: 0,
-    /// 1 0 0 0 0 0 1 0, 1; edges lie at the changes, 1 us a bit.
+    /// 0x41 at 1,000,000 baud, complete at 20 us, begins at 10 us. The levels are 0 for the start
+    /// bit, 1 0 0 0 0 0 1 0 for the data, and 1 for the stop bit. Edges lie at the changes; a bit
+    /// takes 1 us.
     #[test]
     fn a_byte_is_drawn_bit_by_bit() {
         let arrival = Arrival {

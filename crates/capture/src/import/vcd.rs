@@ -190,7 +190,8 @@ mod tests {
     use crate::import::{Format, read as read_format};
     use engine::rig::line::Direction;
 
-    /// 0x41 at 1 Mbaud from 10 us on, levels worked out by hand: 0, 1 0 0 0 0 0 1 0, 1.
+    /// 0x41 at 1 Mbaud from 10 us on, levels worked out by hand: start bit 0, data 1 0 0 0 0 0 1 0,
+    /// stop bit 1.
     const BYTE: &str = "#10 0!\n#11 1!\n#12 0!\n#17 1!\n#18 0!\n#19 1!\n#100\n";
 
     fn file(head: &str, changes: &str) -> String {

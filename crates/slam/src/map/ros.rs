@@ -247,8 +247,8 @@ fn origin(value: &str) -> Result<[f64; 2], &'static str> {
 mod tests {
     use super::*;
 
-    /// Gray values of the map server's own tools: 0, 254, 205 are wall, free, unknown; 205 is
-    /// 0.196.
+    /// Gray values of the map server's own tools: 0, 254, 205 are wall, free, unknown; 205 is an
+    /// occupancy of 0.196.
     #[test]
     fn grays_mean_what_the_map_server_means() {
         let header =

@@ -136,7 +136,7 @@ fn av_04(profile: Profile) -> bool {
     bench(profile).write(0, &[0; 127]).is_empty()
 }
 
-/// 12000 mV are 2EE0.
+/// 12000 mV are 2EE0 hex.
 fn av_05(profile: Profile) -> bool {
     let mut bench = Bench::new(AvrBaseConfig {
         battery: BatteryConfig {

@@ -208,7 +208,7 @@ fn the_documented_base_tells_of_its_stop_button_if_asked_to() {
     });
     bench.base.press_stop(bench.now);
     bench.run(MS);
-    // AB + 00 + 81 + 02 = 012E.
+    // The checksum is AB + 00 + 81 + 02 = 012E.
     assert_eq!(bench.take(), hex("AB 00 81 02 2E 01"));
     let mut bench = Bench::new(in_phase(DOCUMENT));
     bench.base.press_stop(bench.now);

@@ -251,7 +251,7 @@ fn the_stop_button_holds_the_motors_for_three_seconds() {
     assert_eq!(stopped.map(|note| note.2), Some("stop-button".into()));
 }
 
-/// 20 ticks per 40.16 ms are 226 mm/s: 20 * 0.45379 mm / 40.16 ms.
+/// A set-point of 20 ticks per 40.16 ms is 20 * 0.45379 mm / 40.16 ms = 226 mm/s.
 #[test]
 fn the_regulator_holds_the_speed_of_its_set_point() {
     for profile in [Profile::Document, Profile::Rcj2015] {

@@ -69,7 +69,7 @@ fn f11_firmware_1_29_tells_its_five_modes_and_streams_each() {
     assert!(bench().ask(Command::ExpressScan { mode: 5 }).is_empty());
 }
 
-/// Firmware 1.24: three modes, 2.0, 4.0 and 8.0 K samples a second, 12.0 m each.
+/// Firmware 1.24: three modes with 2.0, 4.0 and 8.0 K samples a second and a range of 12.0 m each.
 #[test]
 fn conf_is_answered_from_firmware_1_24_on() {
     let ask = |profile, key, mode| {

@@ -85,7 +85,7 @@ fn ye3_yellow_gets_5_5_turns_and_2000_samples_a_second() {
     }
 }
 
-/// A1M8-R6: 267 or 268 nodes in a turn.
+/// Data sheet A1M8-R6: a turn has 267 or 268 nodes.
 #[test]
 fn the_adapter_gives_267_or_268_nodes_in_a_turn() {
     let mut bench = Bench::new(config(Profile::Fw129, MotorControl::Dtr), room(1.0));
@@ -139,7 +139,8 @@ fn angles_are_clockwise_from_ahead() {
     assert!((1_980.0..2_020.0).contains(&at(270.0)));
 }
 
-/// 47 for a valid node on 1.29, 15 on 1.24, 10 to 31 by the light on 1.20; 0 for an invalid one.
+/// The quality of a valid node is 47 on firmware 1.29, 15 on 1.24, and 10 to 31 by the light on
+/// 1.20. That of an invalid node is 0.
 #[test]
 fn f13_the_quality_says_valid_or_not() {
     for (profile, [least, most]) in [
@@ -172,7 +173,7 @@ fn f13_the_quality_says_valid_or_not() {
     }
 }
 
-/// 6 m by LD108, 12 m in later firmware; 0.15 m at least.
+/// The greatest range is 6 m by LD108 and 12 m in later firmware; the least is 0.15 m.
 #[test]
 fn the_range_depends_on_the_firmware() {
     let sees = |profile, half_m| {
@@ -203,8 +204,9 @@ fn angles_go_backwards_around_invalid_nodes() {
         };
         pairs.map(step).collect::<Vec<_>>()
     };
-    // 330 rpm / 2,005 samples a second are 0.99 degrees a sample; 8 degrees less the angle whose
-    // sine is 24 mm by 5 to 6 m are 7.73 to 7.77.
+    // At 330 rpm and 2,005 samples a second, samples are 0.99 degrees apart. The shift by the
+    // distance is 8 degrees less the angle whose sine is 24 mm by 5 to 6 m which gives 7.73 to
+    // 7.77.
     assert!(
         steps(true).iter().all(|step| (8.6..8.85).contains(step)),
         "{:?}",

@@ -245,7 +245,8 @@ mod tests {
         Footprint::polygon(corners.iter().map(|&(x, y)| Point::new(x, y)).collect())
     }
 
-    /// 0.359 m ahead and half of 0.33 m aside: the far corner is sqrt(0.359^2 + 0.165^2) away.
+    /// The car reaches 0.359 m ahead and half of 0.33 m aside, so the far corner is sqrt(0.359^2 +
+    /// 0.165^2) away.
     #[test]
     fn the_reach_is_that_of_the_farthest_corner() {
         let car = Footprint::rectangle(0.359, 0.101, 0.33).unwrap();

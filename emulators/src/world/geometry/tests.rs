@@ -1,12 +1,12 @@
 use super::*;
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_4, SQRT_2};
 
-/// From (1, -1) to (1, 1).
+/// A wall from (1, -1) to (1, 1).
 fn wall() -> Primitive {
     Primitive::Segment(Segment::new(Point::new(1.0, -1.0), Point::new(1.0, 1.0)).unwrap())
 }
 
-/// Of radius 1 around (3, 0).
+/// A pillar of radius 1 around (3, 0).
 fn pillar() -> Primitive {
     Primitive::Circle(Circle {
         center: Point::new(3.0, 0.0),
@@ -283,7 +283,7 @@ fn a_ray_passes_what_it_comes_near_and_does_not_leave_behind() {
     assert_eq!(moved.dir, Point::new(1.0, 0.0));
 }
 
-/// From (1, 2) to (4, 6): 3, 4 and 5.
+/// A wall from (1, 2) to (4, 6) is 3 long along x, 4 along y and 5 in all.
 #[test]
 fn a_wall_has_two_ends_a_middle_and_a_way_along() {
     let [from, to] = [Point::new(1.0, 2.0), Point::new(4.0, 6.0)];

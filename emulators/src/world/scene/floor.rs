@@ -128,7 +128,8 @@ mod tests {
         assert!(line(0.0, 0.02).is_ok_and(|dot| dot.covers(origin)));
     }
 
-    /// A line of 2 cm from (1, 2) by (3, 4) metres: across it lies (-0.8, 0.6).
+    /// A line of 2 cm width from (1, 2) on, (3, 4) metres long: the direction across it is (-0.8,
+    /// 0.6).
     #[test]
     fn a_line_may_lie_askew_anywhere() {
         let line = FloorLine::new(Point::new(1.0, 2.0), Point::new(4.0, 6.0), 0.02).unwrap();

@@ -22,7 +22,7 @@ fn circle(x: f64, y: f64, radius_m: f64) -> Shape {
     }
 }
 
-/// Walks from (2, 0) to (2, 4) within 4 s.
+/// An obstacle that walks from (2, 0) to (2, 4) within 4 s.
 fn walker(shape: Shape) -> Obstacle {
     let waypoint = |secs, y| Waypoint {
         at: Instant::from_secs(secs),

@@ -96,8 +96,8 @@ mod tests {
         track.pose(Instant::from_nanos(micros * 1_000)).x
     }
 
-    /// 1 m/s from x = 2 m on, then 3 m/s from 2.001 m on: a millimetre after 1 ms, 2.5 mm after
-    /// 1.5 ms. Unknown time begins 2 ms after the start; the robot stays there.
+    /// The robot moves at 1 m/s from x = 2 m on, then at 3 m/s from 2.001 m on: by a millimetre in
+    /// 1 ms, by 2.5 mm in 1.5 ms. Unknown time begins 2 ms after the start; the robot stays there.
     #[test]
     fn a_robot_is_where_its_last_motion_leads_to() {
         let track = Track::at(Pose::new(2.0, 0.0, 0.0));

@@ -123,7 +123,8 @@ mod tests {
         );
         // The speed rises and falls again: the last time counts.
         teeth.words.extend([240, 120].map(|rpm: u16| rpm * 64));
-        // 80 ms and 4 / 240 s more: the middles of the last two lie at 71.667 and 96.667 ms.
+        // The last tooth begins at 80 ms, and its middle is 4 / 240 s later: the middles of the
+        // last two teeth lie at 71.667 and 96.667 ms.
         is(&teeth, 200.0, 71.667 + 25.0 / 3.0);
     }
 

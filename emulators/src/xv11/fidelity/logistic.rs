@@ -117,7 +117,7 @@ mod tests {
             bias: 0.5,
         };
         assert_eq!(known.scaled(&[7.0, -4.0]), [3.0, -2.0]);
-        // 1.5 - 2 and the bias of 0.5 are 0.
+        // The sum is 1.5 - 2 plus the bias of 0.5, which is 0.
         assert_eq!(known.chance(&[7.0, -4.0]), 0.5);
     }
 

@@ -104,7 +104,7 @@ mod tests {
         assert_eq!(between(998, 1000, 600), [bin(900, 300), bin(1000, 300)]);
     }
 
-    /// At 1 m 1.5 + 12 = 13.5 mm is the limit, at 2 m 1.5 + 48 = 49.5 mm.
+    /// The limit of a difference is 1.5 + 12 = 13.5 mm at 1 m and 1.5 + 48 = 49.5 mm at 2 m.
     #[test]
     fn what_differs_by_more_has_moved() {
         let pairs = |one, other| between(one, other, 300).first().map(|bin| bin.pairs);

@@ -95,10 +95,11 @@ fn two_captured_packets_give_their_figures() {
     assert_eq!(statistics.codes, BTreeMap::from([(0x21, 1)]));
     assert_eq!(statistics.carried, [1, 1]);
     assert_eq!(statistics.index_steps, BTreeMap::from([(12, 1)]));
-    // 19,022 / 64 and 18,987 / 64.
+    // The speeds are 19,022 / 64 and 18,987 / 64 rpm.
     assert!((statistics.rpm_max - 297.219).abs() < 0.001);
     assert!((statistics.rpm_min - 296.672).abs() < 0.001);
-    // 466 x 403 mm squared is 0.757e8; the other six readings lie on both sides of 0.85e8.
+    // Strength 466 times the square of 403 mm is 0.757e8; the other six readings lie on both sides
+    // of 0.85e8.
     assert!((0.7..0.95).contains(&statistics.strength_d2));
 }
 

@@ -183,7 +183,7 @@ mod tests {
 
     use super::*;
 
-    /// 3 mm and 1.5 %: 18 mm at 1 m.
+    /// A distance may differ by 3 mm and 1.5 %, which is 18 mm at 1 m.
     #[test]
     fn a_distance_is_of_the_place_it_is_near() {
         let spot = Spot {

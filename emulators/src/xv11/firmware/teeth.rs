@@ -442,8 +442,9 @@ mod tests {
         assert!((rpm(1.0 / 75.0) - 300.0).abs() < 1e-9 && (rpm(0.02) - 200.0).abs() < 1e-9);
     }
 
-    /// 3 % more or less than the tooth before is uneven; 100 / 8192 s are 327.7 rpm, and 3 / 8192 s
-    /// of them are 3 % to the last bit. Slower than 185 rpm no tooth counts: 4 / 185 s.
+    /// 3 % more or less than the tooth before is uneven; A tooth of 100 / 8192 s is 327.7 rpm, and
+    /// 3 / 8192 s are exactly 3 % of it. A tooth slower than 185 rpm, longer than 4 / 185 s, does
+    /// not count.
     #[test]
     fn a_tooth_counts_if_it_is_even_and_not_slow() {
         let part = |of_8192: f64| of_8192 / 8192.0;

@@ -657,7 +657,7 @@ mod tests {
         assert_eq!(are_there(&mut floor), [false; 2]);
     }
 
-    /// Cells of 5 cm from (-1.5, 2) m.
+    /// The plan has cells of 5 cm from (-1.5, 2) m on.
     #[test]
     fn an_observer_sees_the_plan_in_millimetres() {
         let mut plan = empty().plan().clone();

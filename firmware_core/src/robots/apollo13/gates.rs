@@ -431,7 +431,7 @@ mod tests {
         assert!(gates.next(ORIGIN, anywhere).is_some());
     }
 
-    /// Of 200 sightings the first 100 were 1 m off: (29/30)^100 = 0.034 of that remains.
+    /// Of 200 sightings the first 100 were 1 m off: (29/30)^100 = 0.034 of that error remains.
     #[test]
     fn what_was_seen_from_a_wrong_place_is_forgotten() {
         let mut gates = Gates::new(Settings::default());
@@ -452,8 +452,9 @@ mod tests {
         }
     }
 
-    /// Markers at the ends of 0.8 m across the diagonal, in either order: the middle is 2, 2; 0.9 m
-    /// before it is 2 - 0.9 / sqrt(2) = 1.3636, 0.6 m behind it 2.4243.
+    /// Markers at the ends of 0.8 m across the diagonal, in either order. The middle is at (2, 2).
+    /// Both coordinates are 2 - 0.9 / sqrt(2) = 1.3636 at 0.9 m before it, and 2.4243 at 0.6 m
+    /// behind it.
     #[test]
     fn a_gate_across_the_diagonal_is_driven_at_along_it() {
         let off = 0.4 * core::f64::consts::FRAC_1_SQRT_2;
@@ -519,7 +520,7 @@ mod tests {
         assert_eq!(found(Settings::fielded()).len(), 3);
     }
 
-    /// By hand: between posts at 2, -0.4 and 2, 0.4.
+    /// By hand: a gate between posts at (2, -0.4) and (2, 0.4).
     #[test]
     fn a_gate_is_passed_where_the_way_crosses_it() {
         let at = |x_m: f64, y_m: f64| CarPose { x_m, y_m, ..ORIGIN };

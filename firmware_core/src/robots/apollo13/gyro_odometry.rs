@@ -157,7 +157,7 @@ mod tests {
         assert!((off - 3.0 * step).abs() < 0.0003, "{off}");
     }
 
-    /// AP7: 0.05 degrees a second for 120 s are 6 degrees.
+    /// AP7: a bias of 0.05 degrees a second for 120 s are 6 degrees.
     #[test]
     fn ap7_a_bias_turns_the_heading_by_six_degrees() {
         let mut odometry = GyroOdometry::new(CarPose::default(), Defects::default());

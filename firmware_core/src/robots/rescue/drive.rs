@@ -584,7 +584,7 @@ mod tests {
             (drive.take_battery(), drive.battery()),
             (None, Some(battery))
         );
-        // Registers 44 and 45: 11.345 mm/s a tick.
+        // The speeds are in registers 44 and 45; a tick is 11.345 mm/s.
         assert_eq!((drive.speed(), drive.speed_mm_s()), ([44, 45], [499, 511]));
     }
 

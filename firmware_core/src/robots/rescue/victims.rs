@@ -534,7 +534,7 @@ mod tests {
         assert_eq!(victims.excess(0, 235), 15);
         assert_eq!(victims.ambient_64[0], 220 * 64);
         assert_eq!(victims.excess(0, 234), 14);
-        // 2/64 of the 14 tenths above the estimate.
+        // The estimate rises by 2/64 of the 14 tenths by which the reading exceeds it.
         assert_eq!(victims.ambient_64[0], 220 * 64 + 28);
         assert_eq!(victims.ambient_64[1], 0);
         let around = wall();

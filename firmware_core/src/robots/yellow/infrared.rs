@@ -87,8 +87,8 @@ mod tests {
     use super::*;
 
     /// From the data sheet's two points, by hand: 1/d is 1.25 at 0.8 m and 10 at 0.1 m, so 0.2 m
-    /// are 0.4 + 1.9 * 3.75 / 8.75 = 1.2143 V, 0.4 m are 0.6714 V; 4095 are 3.3 V. The fielded
-    /// figures are those of a script on the fielded formula.
+    /// give 0.4 + 1.9 * 3.75 / 8.75 = 1.2143 V and 0.4 m give 0.6714 V. A reading of 4095 is 3.3 V.
+    /// The fielded figures are those of a script on the fielded formula.
     #[test]
     fn the_curve_is_that_of_the_sensor_and_the_fielded_one_is_not() {
         for (adc, true_m, fielded_m) in [

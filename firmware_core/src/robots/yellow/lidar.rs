@@ -428,8 +428,9 @@ mod tests {
         assert_eq!(turns(&[(79, 5, true)]), 0);
     }
 
-    /// Seven bytes, then groups of five with any content: 0x3E is quality 15 and no start; 0x2D01
-    /// halved are 90 degrees of 64 parts, 0x0FA2 quarters are 1000.5 mm; 0 is no reading.
+    /// The fielded parser skips seven bytes, then takes groups of five with any content: 0x3E is
+    /// quality 15 and no start; 0x2D01 halved are 90 degrees of 64 parts, 0x0FA2 quarters are
+    /// 1000.5 mm; 0 is no reading.
     #[test]
     fn the_fielded_parser_takes_five_bytes_for_a_node() {
         let mut groups = Groups::NEW;

@@ -73,8 +73,8 @@ mod tests {
         velocity.linear_m_s
     }
 
-    /// By hand: 0.5 m/s at 1.5 m/s2 take 333 ms; stopping at 3.0 m/s2 takes 167 ms; a reversal from
-    /// 0.3 to -0.3 takes 100 ms down and 200 ms up.
+    /// By hand: speeding up to 0.5 m/s at 1.5 m/s2 takes 333 ms; stopping at 3.0 m/s2 takes 167 ms;
+    /// a reversal from 0.3 to -0.3 takes 100 ms down and 200 ms up.
     #[test]
     fn speeding_up_takes_twice_as_long_as_slowing_down() {
         assert!((run(0.0, 0.5, 200) - 0.3).abs() < 1e-4);

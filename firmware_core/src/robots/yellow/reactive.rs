@@ -220,8 +220,9 @@ mod tests {
         Reactive::new(Defects::NONE)
     }
 
-    /// 0.3 m/s from 0.4 m on; from 0.4 to 0.1 m ahead the speed falls linearly. 10 rad/s for each
-    /// metre between left and right, at most 2; less than 2 cm count as 0.
+    /// With 0.4 m or more ahead the robot drives at 0.3 m/s; from 0.4 to 0.1 m the speed falls
+    /// linearly. It turns at 10 rad/s for each metre of difference between left and right, at most
+    /// at 2 rad/s; a difference of less than 2 cm counts as 0.
     #[test]
     fn speed_follows_the_room_ahead_and_the_turn_the_difference() {
         let is = |distances_m, linear: f32, angular: f32| {
@@ -282,8 +283,9 @@ mod tests {
         assert_eq!(law.escapes, 0);
     }
 
-    /// 4 m/s from 2.4 m on. At 1.2 m all round: 0.3 + 32 * 0.5 * 2.4 / 4.8 = 8.3 m/s; half a metre
-    /// more on the left: 0.1 + 40 * 0.5 / 2.4 rad/s, and 16 * 2.9 / 4.8 m/s.
+    /// By hand, with the full speed of 4 m/s from 2.4 m on. With 1.2 m on all sides the speed is
+    /// 0.3 + 32 * 0.5 * 2.4 / 4.8 = 8.3 m/s. With half a metre more on the left, the robot turns at
+    /// 0.1 + 40 * 0.5 / 2.4 rad/s and drives at 0.3 + 16 * 2.9 / 4.8 m/s.
     #[test]
     fn the_fielded_formula_is_at_the_ends_of_what_is_possible() {
         let told = |distances_m| {

@@ -398,8 +398,9 @@ mod tests {
         assert!(wheels.is_silent() && wheels.halt() == [5_000; 2] && !wheels.is_silent());
     }
 
-    /// 0.19635 mm a count: 100 ahead on both sides are 19.635 mm along x. 40 on the right alone are
-    /// 7.854 mm of 180, 0.043633 rad, and half of the distance, 3.927 mm, along half of that angle.
+    /// A count is 0.19635 mm: 100 counts ahead on both sides are 19.635 mm along x. 40 counts on
+    /// the right alone are 7.854 mm; over the axle of 180 mm this is a turn by 0.043633 rad, and
+    /// the middle moves half of the distance, 3.927 mm, along half of that angle.
     #[test]
     fn the_pose_follows_the_middle_of_each_sample() {
         let after = |counters: [u16; 2], defects| {

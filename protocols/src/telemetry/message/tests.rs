@@ -37,7 +37,7 @@ fn ye2_telemetry_has_the_bytes_that_its_numbers_give() {
     };
     let zero = [0x0D, 0, 0, 0, 0, 0x15, 0, 0, 0, 0, 0x1D, 0, 0, 0, 0];
     let expected: List<u8> = [
-        // 300 = 0x12C: AC 02.
+        // 300 is 0x12C, encoded as AC 02.
         &[0x08, 0xAC, 0x02, 0x12, 0x02, 0x08, 0x03, 0x1A, 17, 0x0A, 15][..],
         &[
             0x0D, 0, 0, 0x80, 0x3F, 0x15, 0, 0, 0, 0xC0, 0x1D, 0, 0, 0, 0x3F,
@@ -158,9 +158,10 @@ fn what_is_no_message_is_refused() {
     );
 }
 
-/// The robot's buffer holds 3,200 bytes. A point is tag, length, angle of 2 bytes below 128 degrees
-/// and 3 above, distance of 3, quality of 2: 128 * 9 + 232 * 10; before them come times and lengths
-/// of 11 bytes. The fielded robot counts 3,525 together with its state and odometry.
+/// The robot's buffer holds 3,200 bytes. A point has a tag, a length, an angle of 2 bytes below 128
+/// degrees and 3 above, a distance of 3 bytes and a quality of 2. All points have 128 * 9 + 232 *
+/// 10 bytes; before them come times and lengths of 11 bytes. The fielded robot counts 3,525
+/// together with its state and odometry.
 #[test]
 fn a_scan_of_a_point_a_degree_does_not_fit() {
     let scan = |step: usize| Telemetry {

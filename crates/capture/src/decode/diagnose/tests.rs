@@ -348,7 +348,7 @@ fn a_slow_sender_stretches_nearly_all_bytes() {
         None,
     ];
     assert_eq!(runs, factors.map(|factor| factor.and_then(slow)));
-    // Runs of 2, 2, 2, and 2, 4, 2.
+    // Bytes with runs of 2, 2, 2, and of 2, 4, 2 equal bits.
     assert_eq!(
         [5, 6].map(|other| found(&[0xE6, 0x9E], other)),
         [slow(2), None]

@@ -196,7 +196,7 @@ fn times(text: &str) -> (Vec<u64>, String) {
     (times.collect(), found.notes.join("; "))
 }
 
-/// 500, 500 + 1,000 and 1,500 + 200 us. A line without bytes is a pause, too.
+/// The times are 500, 500 + 1,000 and 1,500 + 200 us. A line without bytes is a pause, too.
 #[test]
 fn times_with_a_plus_sign_are_pauses_if_they_do_not_increase() {
     for text in [

@@ -48,7 +48,7 @@ fn a_heavy_car_steers_badly_at_rest() {
     }
 }
 
-/// 0.9 of 0.2 rad and 0.03 rad of trim are 0.21 rad.
+/// The linkage gives 0.9 of the wanted 0.2 rad and 0.03 rad of trim: 0.21 rad.
 #[test]
 fn the_linkage_has_a_law_of_its_own() {
     let steering_law = SteeringLaw {
@@ -66,7 +66,8 @@ fn the_linkage_has_a_law_of_its_own() {
     assert_eq!(car.command(STEERING), Command::Angle(0.2));
 }
 
-/// 0.02 rad after a metre, so 0.02 rad times the root of 4 m after 4 m; 300 cars give it to 15 %.
+/// The angle wanders by 0.02 rad in a metre, so by 0.02 rad times the root of 4 in 4 m. 300 cars
+/// show this to 15 %.
 #[test]
 fn the_law_wanders_with_the_root_of_the_way_and_not_at_rest() {
     let wander = |speed: f64| {
@@ -116,8 +117,8 @@ fn a_reverse_command_brakes_first() {
     assert!((speed(Reversing::BrakesFirst, 3_000) + 0.5).abs() < 0.001);
 }
 
-/// A left turn of tan(delta) / 0.258 m = 1/m: the left wheel rolls 1 - 0.0775, the right one
-/// 1 + 0.0775 of 1 m; 120 counts a turn of 32 mm are 596.83 counts a metre.
+/// In a left turn with a curvature of tan(delta) / 0.258 m = 1/m the left wheel rolls 1 - 0.0775,
+/// the right one 1 + 0.0775 of 1 m; 120 counts a turn of 32 mm are 596.83 counts a metre.
 #[test]
 fn the_outer_wheel_travels_farther() {
     let mut car = car(AckermannConfig {

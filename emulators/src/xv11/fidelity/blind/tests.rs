@@ -162,7 +162,8 @@ fn reflective_tape_is_built_as_the_brightest_surface() {
     }
 }
 
-/// Standard error of 40 and 80 windows: half of the root of 0.25 / 40 + 0.25 / 80 is 4.84 %.
+/// The standard error with 40 and 80 windows is half of the root of 0.25 / 40 + 0.25 / 80, which is
+/// 4.84 %.
 #[test]
 fn few_windows_widen_the_limit() {
     let limit = |windows| {

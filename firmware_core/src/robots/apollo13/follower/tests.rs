@@ -147,7 +147,8 @@ fn the_car_steers_along_the_arc_through_its_point() {
     };
     assert!((steering(0.1) - 0.436).abs() < 1e-9);
     assert!((steering(-0.1) + 0.314).abs() < 1e-9);
-    // For a path 0.02 m to the left: 2 * 0.02 / (0.09 + 0.0004) = 0.4425; times 0.25: 6.31 degrees.
+    // For a path 0.02 m to the left: the curvature is 2 * 0.02 / (0.09 + 0.0004) = 0.4425; times
+    // the wheelbase of 0.25 m, the angle is 6.31 degrees.
     assert!((steering(0.02).to_degrees() - 6.31).abs() < 0.01);
 }
 

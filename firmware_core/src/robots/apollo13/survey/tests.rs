@@ -536,7 +536,7 @@ fn a_beam_frees_cells_along_its_own_bearing() {
         [seen(&nothing, 0.025, 3.98), seen(&nothing, 0.025, 4.08)],
         [Some(-1), Some(0)]
     );
-    // 3.9 m away 0.0124 rad are 48 mm, 0.013 rad 51 mm.
+    // At 3.9 m, beams 0.0124 rad apart are 48 mm from each other, beams 0.013 rad apart 51 mm.
     let both = |beside: f64| seen(&looked(&[(0.0, 9.0), (-beside, 9.0)]), 0.06, 3.9);
     assert_eq!([both(0.012_4), both(0.013)], [Some(0), Some(-1)]);
 }

@@ -19,7 +19,8 @@ use crate::pose::{Point, Pose};
 
 const BLACK: u16 = 0x0000;
 const WHITE: u16 = 0xFFFF;
-/// Colour of a cell that was never seen: 255 - 127 is 4 of 7, 18 of 31 and 37 of 63.
+/// Colour of a cell that was never seen: the gray 255 - 127 is level 4 of 7, which is 18 of 31 and
+/// 37 of 63.
 const GRAY: u16 = 18 << 11 | 37 << 5 | 18;
 
 /// 480 x 272 pixels.
@@ -153,7 +154,8 @@ fn tap(screen: &mut Screen, ms: u64, x: u32, y: u32) -> Option<Hit> {
 }
 
 /// Pixel 20 of row 50 from below is cell 30 of row 75, pixel 22 cell 33, pixel 24 cell 36; the
-/// first and the last are those of the corners. 255 - 95 is 5 of 7: 22 of 31 and 45 of 63.
+/// first and the last are those of the corners. The gray 255 - 95 is level 5 of 7, which is 22 of
+/// 31 and 45 of 63.
 #[test]
 fn the_map_is_drawn_at_two_pixels_for_three_cells() {
     let mut map = Grid::new(10.0);
@@ -190,8 +192,8 @@ fn the_map_is_drawn_at_two_pixels_for_three_cells() {
     }
 }
 
-/// 15 mm a pixel: (1500, 750) mm is (106, 181). The two legs are 10 pixels long, 20 degrees to
-/// either side of backwards: 9.4 pixels back and 3.4 aside.
+/// A pixel is 15 mm: (1500, 750) mm is pixel (106, 181). The two legs are 10 pixels long, 20
+/// degrees to either side of backwards: 9.4 pixels back and 3.4 aside.
 #[test]
 fn the_robot_is_a_tip_with_two_legs() {
     let (map, waypoints) = (Grid::new(10.0), Waypoints::new());
@@ -252,8 +254,8 @@ fn the_scan_is_drawn_if_it_is_asked_for() {
     assert_eq!(drawn(false), ([false; 2], 0));
 }
 
-/// (300, 300) mm is (26, 211), (1200, 300) mm is (86, 211); (4000, 300) mm is off the map, and so
-/// is the path to it. The first one is reached.
+/// The waypoint at (300, 300) mm is pixel (26, 211), that at (1200, 300) mm is (86, 211); (4000,
+/// 300) mm is off the map, and so is the path to it. The first one is reached.
 #[test]
 fn waypoints_are_dots_with_numbers_and_ways_between() {
     let map = Grid::new(10.0);
@@ -328,7 +330,8 @@ fn buttons_show_what_is_on() {
         Rgb565::CSS_DARK_SLATE_GRAY,
     ]
     .map(IntoStorage::into_storage);
-    // The middle of (218, 32) with 128 x 36 is (281, 49); a letter is 6 wide.
+    // The button at (218, 32) of 128 x 36 pixels has its middle at (281, 49); a letter is 6 pixels
+    // wide.
     assert!(picture.says((269, 43), "Stop", &FONT_6X13_BOLD, WHITE));
     assert!(picture.says((390, 43), "Explore", &FONT_6X13_BOLD, BLACK));
     assert_eq!([picture.at(219, 33), picture.at(349, 33)], [lit, field]);

@@ -223,7 +223,7 @@ mod tests {
         assert_eq!(chosen(&mut explore, &atlas), Some(69));
         let mut close = |y| atlas.global.set(Cell::new(71, y), OBSTACLE);
         assert!(close(3).is_ok() && close(7).is_ok());
-        // Three are left: (71, 4) to (71, 6).
+        // Three open cells are left: (71, 4) to (71, 6).
         assert_eq!(chosen(&mut explore, &atlas), Some(69));
         explore
             .given_up

@@ -57,7 +57,7 @@ fn what_has_no_neighbours_stays_where_it_is() {
     let seen = [[0.1, 2.0], [0.0, f64::INFINITY], [-0.1, 1.0], [-0.2, 12.0]];
     let places = sightings(seen.into_iter(), 9.0);
     assert_eq!(places.len(), 2);
-    // 2 m at 0.1 rad: 1.990 ahead, 0.1997 to the left.
+    // A point at 2 m and 0.1 rad is 1.990 m ahead, 0.1997 to the left.
     assert!((places[0].at[0] - 1.990).abs() < 1e-3 && (places[0].at[1] - 0.1997).abs() < 1e-3);
     assert!(places.iter().all(|it| it.along.is_none()));
     // The deviation is 4 mm and 1.5 mm times the square of the depth, 1.990 m; the second depth is
