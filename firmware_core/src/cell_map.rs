@@ -295,7 +295,8 @@ mod tests {
         for (x, y, value) in cells {
             assert_eq!(map.get(Cell::new(x, y)), value);
         }
-        // From -4 to 7 and from -3 to 5, and two more on each side.
+        // The written cells reach from -4 to 7 and from -3 to 5; the map has two more cells on each
+        // side.
         assert_eq!((map.low(), map.size()), (Cell::new(-6, -5), (16, 13)));
         assert_eq!(map.iter().filter(|(_, value)| *value != UNKNOWN).count(), 3);
         assert_eq!(map.get(Cell::new(900, 0)), UNKNOWN);
@@ -374,7 +375,7 @@ mod tests {
         assert_eq!(around, [&rows.concat()[..4], &rows.concat()[5..]].concat());
         let edges = places(Cell::new(5, -7).edge_neighbours().to_vec());
         assert_eq!(edges, [(6, -7), (5, -6), (4, -7), (5, -8)]);
-        // Three to the right and four down.
+        // The second cell is three to the right and four down, so 5 away.
         assert_eq!(Cell::new(5, -7).distance(Cell::new(8, -11)), 5.0);
     }
 }

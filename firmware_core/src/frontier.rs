@@ -268,7 +268,8 @@ mod tests {
         assert_eq!(all_unknown(&room(0), MIDDLE, &rays()), 0);
     }
 
-    /// Steps along edges: of 7 x 7 cells the corners are 3 + 3 away.
+    /// Distances are counted in steps across cell edges: in 7 x 7 cells the corners are 3 + 3 steps
+    /// from the middle.
     #[test]
     fn the_way_to_a_cell_is_counted_in_steps() {
         let map = room(0);

@@ -141,7 +141,7 @@ mod tests {
     fn the_offset_is_the_mean_of_the_rest() {
         let mut gyro = Gyro::new();
         run(&mut gyro, (Instant::ZERO, 0), 6, 4, Wheels::AtRest);
-        // The very first reading has no predecessor.
+        // The very first reading has no predecessor, so it gives no turn.
         let from = (Instant::ZERO + STEP * 6, 24);
         run(&mut gyro, from, 6, 8, Wheels::AtRest);
         let from = (Instant::ZERO + STEP * 12, 72);

@@ -160,8 +160,8 @@ mod tests {
         Instant::ZERO + Duration::from_micros(2222) * packet
     }
 
-    /// A motor that follows its duty with 90 rpm per volt and half a second (sensor's
-    /// reverse-engineering notes: 3.3 V gives about 300 rpm).
+    /// A motor with 90 rpm per volt and a lag of half a second (the sensor's reverse-engineering
+    /// notes: 3.3 V gives about 300 rpm).
     fn run(motor: &mut LidarMotor, rpm: &mut f32, packets: core::ops::Range<u32>, gain: f32) {
         for packet in packets {
             motor.packet(at(packet), *rpm);
@@ -249,7 +249,8 @@ mod tests {
         assert_eq!(motor.take_duty(), Some(180));
     }
 
-    /// Off and on again before the duty is read: the duty equals the last one read.
+    /// The motor is switched off and on again before the duty is read: the duty equals the last one
+    /// read, so none is reported.
     #[test]
     fn a_motor_that_is_switched_on_again_tells_its_duty_only_if_it_changed() {
         let mut motor = LidarMotor::new(300.0);

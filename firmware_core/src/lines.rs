@@ -357,7 +357,8 @@ mod tests {
         );
     }
 
-    /// Three points within 40 mm are a line, and the only one: it continues nowhere.
+    /// Three points within 40 mm are a line. It is the only line, so there is no other to merge it
+    /// with.
     #[test]
     fn a_short_line_alone_stays() {
         let points = [0.0, 20.0, 40.0].map(|y| Point::new(1_000.0, y));

@@ -535,7 +535,8 @@ mod tests {
         assert_eq!([at(2, 0), at(0, 2), at(-2, 1)], [0.0; 3]);
     }
 
-    /// Cells have their middles at whole 100 mm; points from 60 cells on, 6 m, are too far.
+    /// The middles of cells are at multiples of 100 mm. Points 60 cells, 6 m, or more away are too
+    /// far.
     #[test]
     fn points_fall_into_the_cells_around_them() {
         let points = [

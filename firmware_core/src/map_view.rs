@@ -76,7 +76,7 @@ impl<'a> MapView<'a> {
 mod tests {
     use super::*;
 
-    /// Two rows of three, and a cell too many.
+    /// Cells of two rows of three, and one cell too many.
     #[test]
     fn cells_lie_in_rows_from_the_lowest() {
         let map = MapView::new(3, 50.0, [-100.0, 0.0], &[1, 2, 3, 4, 5, 6, 7]);

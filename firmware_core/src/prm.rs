@@ -409,8 +409,8 @@ mod tests {
         places.iter().map(|(x, y)| Cell::new(*x, *y)).collect()
     }
 
-    /// Bresenham's line over four cells and up two, by hand, and its mirror images: an obstacle in
-    /// any of its cells but the first blocks the path, and no other cell does.
+    /// Bresenham's line of four cells across and two up, by hand, and its mirror images: an
+    /// obstacle in any of its cells but the first blocks the path, and no other cell does.
     #[test]
     fn a_straight_way_is_clear_when_its_cells_are() {
         let line = [(1, 0), (2, 1), (3, 1), (4, 2)];

@@ -742,7 +742,7 @@ mod tests {
         assert_eq!(span(179_000, 0, 89), [975_011, 1_175_011]);
     }
 
-    /// 45 beams are a part; 67 beams are one part and 22 of 45.
+    /// A part has 45 beams; 67 beams are one part and 22 of 45 beams of the next.
     #[test]
     fn beams_lie_in_eight_parts_of_a_turn() {
         let is = |beam, knot, share: f32| {

@@ -666,7 +666,7 @@ mod tests {
         }
     }
 
-    /// A robot at rest in front of known walls stays, to a fifth of a cell.
+    /// The pose of a robot at rest in front of known walls changes by less than a fifth of a cell.
     #[test]
     fn a_robot_at_rest_stays() {
         let mut mapper = mapper(Settings::default());

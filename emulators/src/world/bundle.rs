@@ -257,7 +257,8 @@ mod tests {
         bundle.screen(&Beam::new(ray, 0.0, NOWHERE), limit)
     }
 
-    /// A millimetre beside, before and behind each primitive: out of reach needs no exact test.
+    /// A ray that passes a millimetre beside, before or behind a primitive is out of reach, so no
+    /// exact test is needed.
     #[test]
     fn a_screen_refuses_what_is_out_of_reach() {
         let ahead = |y: f64, limit| screened((0.0, y), 0.0, limit);

@@ -502,7 +502,7 @@ mod tests {
             Some(100 * (1 + of(14)))
         );
         assert_eq!(cost(&[(1, 0), (-1, 0)], &[], [14, 10]), None);
-        // The outline: more expensive, but not an obstacle, and at most 18.
+        // Cells of the outline may cost more, up to 18, but none of them is an obstacle.
         assert_eq!(
             cost(&[(1, 0)], &[(-2, 0)], [16, 10]),
             Some(100 * (1 + of(14)))

@@ -107,7 +107,7 @@ impl Cells {
 mod tests {
     use super::*;
 
-    /// A disc of radius 2 has 13 cells; 6 of them remain in a corner of the map.
+    /// A disc of radius 2 has 13 cells; at a corner of the map 6 of them lie on the map.
     #[test]
     fn cells_grow_into_discs_and_not_beyond_the_map() {
         let count = |x, y| {

@@ -169,7 +169,7 @@ mod tests {
     }
 
     /// A turn by 180 degrees must gain a millimetre of free path, one by 90 degrees half a
-    /// millimetre. More than a metre has no value.
+    /// millimetre. Free path beyond a metre has no value.
     #[test]
     fn of_equally_free_ways_the_nearest_is_taken() {
         let ahead_or = |more: f32, side: f32| {

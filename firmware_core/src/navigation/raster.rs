@@ -151,7 +151,7 @@ mod tests {
         let obstacles = raster.obstacles(&map, pose, &seen);
         let has = |x, y| obstacles.has(Cell { x, y });
         assert!(has(2, 1) && !has(3, 1) && !has(2, 0) && !has(1, 1));
-        // 100 mm along y.
+        // The seen point lies 100 mm along y from the robot.
         assert!(has(10, 13) && !has(10, 10) && !has(13, 10));
     }
 
@@ -195,7 +195,7 @@ mod tests {
         assert!(!is_blocked(&elsewhere, 16) && !is_blocked(&elsewhere, 24));
     }
 
-    /// First in, first out, in a ring; cells that do not fit are lost.
+    /// The queue is a ring, first in, first out; cells that do not fit are lost.
     #[test]
     fn a_front_is_a_queue() {
         let mut front = Front::new();

@@ -119,7 +119,7 @@ fn the_beam_law_is_the_seeds() {
     assert_eq!(follow(2000.0), [0, 20]);
 }
 
-/// At its distance and abeam the wall requires no turn; ahead it requires a turn to the right.
+/// A wall abeam at its set distance requires no turn; a wall ahead requires a turn to the right.
 #[test]
 fn the_nearest_law_keeps_the_wall_abeam() {
     let follow = |bearing_deg: f32, range| {
@@ -328,7 +328,8 @@ fn ways_that_are_blocked_in_turn_are_none() {
     panic!("it goes to and fro: {rounds:?}");
 }
 
-/// A post dead ahead is passed on the left: 43.1 degrees, in steps of five.
+/// A post straight ahead is passed on the left. It needs 43.1 degrees, and the robot turns in steps
+/// of five.
 #[test]
 fn of_two_sides_alike_the_left_is_taken() {
     assert_eq!(around_a_post(0.0, 0.0), 45.0);

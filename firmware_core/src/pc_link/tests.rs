@@ -129,7 +129,8 @@ fn a_list_goes_out_before_the_next_row() {
     );
 }
 
-/// Each 50 ms from the due time; a call that is later than that starts a new period.
+/// The next time is 50 ms after the due time; a call that comes later than that starts a new
+/// period.
 #[test]
 fn a_late_period_is_not_made_up_for() {
     let period = Duration::from_millis(50);
@@ -141,7 +142,7 @@ fn a_late_period_is_not_made_up_for() {
     assert_eq!([next(0, 50), next(0, 51)], [100, 101].map(at));
 }
 
-/// 12,000 bytes a second: 12 bytes take a millisecond. A pace of 0 counts as one byte a second.
+/// At 12,000 bytes a second, 12 bytes take a millisecond. A pace of 0 counts as one byte a second.
 #[test]
 fn bytes_pass_at_their_pace() {
     assert_eq!(passing(12, 12_000), Duration::from_millis(1));
@@ -193,7 +194,8 @@ fn what_the_radio_has_no_room_for_waits() {
     assert_eq!((link.held, sent(&mut link).len()), (0, 720 - half.min(720)));
 }
 
-/// State five times a second, diagnosis each second and only if enabled; the pose each 50 ms.
+/// The state is sent five times a second, the diagnosis each second if it is enabled, the pose each
+/// 50 ms.
 #[test]
 fn each_frame_has_its_period() {
     let count = |diagnosis| {

@@ -353,7 +353,7 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
-        /// In the middle of the map and at its edges, with points inside and outside.
+        /// Searches in the middle of the map and at its edges, with points inside and outside.
         #[test]
         fn the_search_finds_what_trying_every_pose_finds(
             values in proptest::collection::vec(0_u8.., 3000),

@@ -217,7 +217,8 @@ mod tests {
         assert!(!evidence(1, 1, 8).exceeds(&evidence(0, 0, 8)));
     }
 
-    /// Three known points of eight tell something, four of eight are most.
+    /// Three known points of eight are enough to tell something; four of eight count as most of
+    /// them.
     #[test]
     fn points_that_hit_or_miss_tell_something() {
         assert!(evidence(2, 1, 8).tells_something() && !evidence(1, 1, 8).tells_something());

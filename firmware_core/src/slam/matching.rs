@@ -323,7 +323,8 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Two multiplications instead of four, over the whole range of the numbers.
+        /// The form with two multiplications gives the same cell as that with four, over the whole
+        /// range of the numbers.
         #[test]
         fn both_axes_at_once_give_the_same_cell(
             x in -4000.0_f32..4000.0, y in -4000.0_f32..4000.0, heading in -3.2_f32..3.2,
@@ -334,7 +335,8 @@ mod tests {
             prop_assert_eq!(BothAxes::new(&placement).cell(point), placement.cell(point));
         }
 
-        /// Both variants against one cell after the other, on the map, at its edges and far off.
+        /// Both variants of the tally equal a count of one cell after the other, on the map, at its
+        /// edges and far off.
         #[test]
         fn every_form_of_the_tally_is_the_naive_one(
             values in proptest::collection::vec(0_u8.., 60 * 50),

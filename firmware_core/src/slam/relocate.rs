@@ -333,7 +333,7 @@ mod tests {
         }
     }
 
-    /// 150 x 150 blocks of two cells are too many, so are 150 along an edge; 128 are not.
+    /// 150 x 150 blocks of two cells are too many, and so are 150 along one edge; 128 are allowed.
     #[test]
     fn a_block_bounds_what_can_be_reached_from_it() {
         is_bound::<20, 13>(2);

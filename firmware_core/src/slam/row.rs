@@ -369,7 +369,8 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Both variants of the kernel, and the target's choice, against one sum after the other.
+        /// Both variants of the kernel, and the one that the target chooses, equal one sum after
+        /// the other.
         #[test]
         fn every_form_of_the_kernel_gives_the_naive_sums(
             cells in proptest::collection::vec(0_u8.., 400..800),
@@ -386,7 +387,7 @@ mod tests {
             prop_assert_eq!(sums(&cells, &starts, offset), naive);
         }
 
-        /// The narrow kernel has the first lanes of each row, in every form that is used.
+        /// The narrow kernel gives the first lanes of each row, in every variant that is used.
         #[test]
         fn narrow_rows_are_the_first_lanes_of_rows(
             cells in proptest::collection::vec(0_u8.., 900),
@@ -414,7 +415,7 @@ mod tests {
             check::<7, 8>(&cells, &starts, offset)?;
         }
 
-        /// Two rows at once are two rows.
+        /// Two rows that are summed at once have the same sums as two single rows.
         #[test]
         fn a_pair_of_rows_has_the_sums_of_both(
             cells in proptest::collection::vec(0_u8.., 700),
@@ -453,7 +454,7 @@ mod tests {
     }
 
     proptest! {
-        /// At all edges, on maps wider and narrower than the lanes.
+        /// Windows over all edges, on maps wider and narrower than the lanes.
         #[test]
         fn windows_over_the_edge_count_what_lies_on_the_map(
             values in proptest::collection::vec(0_u8.., 9 * 40),

@@ -97,8 +97,9 @@ fn a_repeated_list_does_not_send_the_robot_back() {
     );
 }
 
-/// Behind a finished list, its beginning is an order, too; while the list is driven, the rest of it
-/// is taken away, and the last waypoint left is driven to.
+/// A list that equals the beginning of a finished one is a new order. If such a list comes while
+/// the longer one is driven, the waypoints behind it are removed, and the robot drives to the last
+/// one left.
 #[test]
 fn a_finished_list_that_comes_again_is_driven_again() {
     let mut list = Waypoints::new();
@@ -240,7 +241,7 @@ fn links_of_the_sender_break_the_fielded_list() {
     assert_eq!(list(&[-1, 7, 0, 0], Defects::NONE), (false, 0));
 }
 
-/// Of 103 waypoints three find no slot; of two waypoints with one number left, one gets none.
+/// Of 103 waypoints three find no slot. If only one number is left, one of two waypoints gets none.
 #[test]
 fn what_of_a_list_finds_no_room_is_told() {
     let mut list = Waypoints::new();

@@ -92,7 +92,8 @@ fn what_shows_nothing_is_given_up_in_the_end() {
     assert!(next(&mut frontiers, &map).is_some());
 }
 
-/// An unreached view loses its edges, but another view may feel its walls.
+/// The edges of a view that was not reached are given up, but the robot may feel its walls from
+/// another view.
 #[test]
 fn walls_outlive_a_place_that_is_not_got_to() {
     let (map, mut frontiers) = (room(60), Frontiers::new(Sought::FloorAndHeat));
@@ -161,8 +162,8 @@ fn a_thin_board_is_a_wall_and_can_be_felt() {
     assert_eq!((outlook.unknown, outlook.is_to_be_felt()), (0, true));
 }
 
-/// Two rays, 8 cm of a wall, are too narrow for a plate. This also holds if only many unknown cells
-/// count.
+/// A strip of wall that only two rays meet, 8 cm, is too narrow for a heat plate. This also holds
+/// at the stage where only many unknown cells count.
 #[test]
 fn a_strip_of_a_wall_is_not_worth_a_way() {
     let outlook = |unknown, unfelt| Outlook { unknown, unfelt };
@@ -283,8 +284,8 @@ fn each_step_of_a_ray_is_work() {
     assert_eq!(frontiers.take_points(), 0);
 }
 
-/// The floor below the robot is unknown, four cells of 30 mm to each side: the wave starts from the
-/// fifth. With one more unknown cell there is no start.
+/// The floor below the robot is unknown, four cells of 30 mm to each side: the search wave starts
+/// from the fifth cell. With one more unknown cell there is no start.
 #[test]
 fn a_robot_sets_out_from_the_floor_beside_it() {
     let finds = |cells: usize| {

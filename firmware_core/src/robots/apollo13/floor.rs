@@ -479,7 +479,7 @@ mod tests {
         assert!(!floor.costs(Instant::ZERO).unwrap().is_obstacle([16, 10]));
     }
 
-    /// Adjacent cells in one chunk of 64, and at both ends of a chunk.
+    /// Sure cells beside each other in one chunk of 64 cells, and at both ends of a chunk.
     #[test]
     fn all_sure_cells_are_found() {
         let mut seen = alloc::vec![0; 200];
@@ -625,7 +625,7 @@ mod tests {
         assert!(floor.costs(Instant::ZERO).unwrap().is_obstacle([20, 10]));
     }
 
-    /// Two cells of one chunk, four of another.
+    /// Two sure cells in one chunk, four in another.
     #[test]
     fn an_even_number_of_sure_cells_is_found() {
         let mut seen = alloc::vec![0; 200];

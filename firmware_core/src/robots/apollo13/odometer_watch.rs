@@ -253,7 +253,7 @@ mod tests {
         assert_eq!([1_399, 1_400].map(is_misled), [true, false]);
     }
 
-    /// A line each 250 ms is often enough.
+    /// A line each 250 ms is frequent enough: the odometer does not count as silent.
     #[test]
     fn silence_is_longer_than_a_quarter_of_a_second() {
         let mut watch = OdometerWatch::default();

@@ -139,8 +139,8 @@ mod tests {
         assert!((rests[49] - 0.979_94 * 0.979_94).abs() < 1e-9);
     }
 
-    /// Three lines: 3 cm, 30.09 ms, and turned by 2 degrees a second for two of them. A distance
-    /// that falls back to 0 from 5 cm is a motion; from more it is a reset of the board.
+    /// Three lines add up to 3 cm and 30.09 ms, with a turn of 2 degrees a second in two of them. A
+    /// distance that falls back to 0 from 5 cm is a motion; from more it is a reset of the board.
     #[test]
     fn ways_times_and_turns_add_up_until_a_reset() {
         let mut lines = RawLines::default();

@@ -245,7 +245,7 @@ mod tests {
         assert!(is(rest(0.01, 9.0), [3.0, 0.1]) && is(rest(0.0, 9.0), [3.0, 0.1]));
     }
 
-    /// Only the last 0.3 s count: four lines of a 16th of a second each.
+    /// Only the last 0.3 s count, which are four lines of a 16th of a second each.
     #[test]
     fn ways_are_compared_over_three_tenths_of_a_second() {
         let mut watch = SlipWatch::default();

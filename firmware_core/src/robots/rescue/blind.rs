@@ -248,7 +248,7 @@ mod tests {
         assert_eq!(places(&blind), []);
     }
 
-    /// In a turn 400 mm are too far, 300 are not.
+    /// While the robot turns, a reading of 400 mm is too far to count, one of 300 mm is not.
     #[test]
     fn in_a_turn_only_what_is_near_counts() {
         let mut blind = Blind::new();

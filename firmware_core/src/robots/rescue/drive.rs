@@ -634,7 +634,7 @@ mod tests {
         assert!(times(&asked, registers::KITS).is_empty());
     }
 
-    /// Bit 1 of an unsolicited status.
+    /// The base reports the stop button by bit 1 of an unsolicited status.
     #[test]
     fn the_stop_button_is_told_by_the_status() {
         let mut drive = Drive::new(&Config::default());

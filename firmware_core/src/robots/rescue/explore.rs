@@ -536,7 +536,8 @@ mod tests {
         assert_eq!([24, 25].map(vain), [(4, false), (0, true)]);
     }
 
-    /// Nine by ten cells are the floor under the robot; with fewer there is no map yet.
+    /// Ninety known cells, nine by ten, are the floor under the robot; with fewer there is no map
+    /// yet.
     #[test]
     fn ninety_cells_are_a_map() {
         let seconds = [90, 89].map(|cells: usize| {
@@ -567,7 +568,8 @@ mod tests {
         explore
     }
 
-    /// Within 300 mm for 75 scans: the 76th is too many. A robot that has moved farther continues.
+    /// A robot that stays within 300 mm may do so for 75 scans; with the 76th it gives up. A robot
+    /// that has moved farther continues.
     #[test]
     fn who_shuffles_before_a_view_for_15_seconds_gives_it_up() {
         let map = room(true);

@@ -199,7 +199,7 @@ mod tests {
         })
     }
 
-    /// 20 mm from the edge of a map of 3 m the robot counts as off the map, in its middle it does
+    /// A robot 20 mm from the edge of a map of 3 m counts as off the map, one in the middle does
     /// not.
     #[test]
     fn leaving_the_map_is_told() {

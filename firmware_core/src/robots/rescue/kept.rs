@@ -196,7 +196,7 @@ mod tests {
         assert!(all(far).is_empty());
     }
 
-    /// Of one bearing the newest point stays, and of one age the nearest.
+    /// Of the points of one bearing the newest stays, and of points of the same age the nearest.
     #[test]
     fn one_point_of_a_bearing_stays() {
         let mut kept = Kept::new();

@@ -270,7 +270,8 @@ mod tests {
         );
     }
 
-    /// 300 ms after the last packet, or 700 ms after the last whole turn; not before.
+    /// The lidar counts as silent 300 ms after the last packet, or 700 ms after the last whole
+    /// turn, not before.
     #[test]
     fn a_lidar_is_silent_without_packets_or_turns() {
         let mut lidar = lidar();

@@ -505,10 +505,10 @@ mod tests {
         assert_eq!(victims.told(&mut places), [[125, 0], [375, 0]]);
     }
 
-    /// 170 mm before the sensor a victim causes 14.07 degrees, six tenths of which are 8.44; 340 mm
-    /// away it causes 7.18, and at most 8.97 are attributed to that distance. A reading of 8.7 may
-    /// come from there if there is a board behind in the field of view, but not beside it, 107 mm
-    /// from its middle.
+    /// A victim 170 mm before the sensor causes a reading of 14.07 degrees, and counts from six
+    /// tenths of it on, 8.44. A victim 340 mm away causes 7.18 degrees; readings up to 8.97 are
+    /// attributed to that distance. A reading of 8.7 may come from there if there is a board behind
+    /// in the field of view, but not beside it, 107 mm from its middle.
     #[test]
     fn a_board_beside_the_field_of_view_does_not_count() {
         let with = |x: i16, y_mm: f32| {

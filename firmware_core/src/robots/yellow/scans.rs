@@ -252,7 +252,7 @@ mod tests {
         samples.middle()
     }
 
-    /// By hand; an outlier at either end does not count.
+    /// Means worked out by hand; an outlier at either end does not count.
     #[test]
     fn the_middle_is_without_the_ends() {
         assert_eq!(middle(&[1_000, 1_010]), 0);

@@ -263,7 +263,8 @@ mod tests {
         machine
     }
 
-    /// Drivers take half a second, on and off; between two activities the robot stands.
+    /// The drivers take half a second to switch on, and to switch off; between two activities the
+    /// robot stands.
     #[test]
     fn drivers_take_half_a_second() {
         let mut machine = Machine::new(Defects::NONE);

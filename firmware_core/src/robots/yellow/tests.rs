@@ -1,4 +1,4 @@
-//! The whole program, where its parts meet.
+//! Tests of the whole program, where its parts work together.
 
 extern crate std;
 

@@ -446,7 +446,8 @@ mod tests {
         near(targets(Velocity::new(-1.0, -1.0)), [-0.038_2, 0.725_74]);
     }
 
-    /// One turn a minute counts as rest, also backwards; and only without a target.
+    /// A wheel at one turn a minute or less, also backwards, counts as at rest, but only if it has
+    /// no target.
     #[test]
     fn a_drive_is_at_rest_below_one_turn_a_minute() {
         let mut wheels = Wheels::new(Pose::default(), Defects::NONE);

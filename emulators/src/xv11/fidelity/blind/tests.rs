@@ -313,8 +313,9 @@ fn changes_of_thirty_degrees_are_compared() {
     }
 }
 
-/// 356 degrees are looked at. Four have a code, two of them 0x21; each takes its four neighbours
-/// from the walls, where 340 are left. Of 34 degrees with a distance, thirty are on a wall.
+/// 356 degrees are examined. Four degrees have a code, two of them 0x21. These and the four
+/// neighbours of each do not count as wall: 340 of 360 are left. Of 34 degrees with a distance,
+/// thirty are on a wall.
 #[test]
 fn codes_are_counted_by_hand() {
     let code = |degree| match degree {

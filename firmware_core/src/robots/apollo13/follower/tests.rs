@@ -178,8 +178,8 @@ fn beyond_the_end_of_a_way_it_goes_straight_on() {
     }
 }
 
-/// A path of 1 m along x; each limit a little to both sides: 5 cm before the end, 0.40 m beside the
-/// path, 0.30 m and 0.30 rad at its end.
+/// A path of 1 m along x. Values slightly below and above each limit are tried: 5 cm before the
+/// end, 0.40 m beside the path, 0.30 m and 0.30 rad at its end.
 #[test]
 fn a_way_ends_or_is_lost_at_its_limits() {
     let at = |x_m: f64, y_m: f64, heading_rad: f64| CarPose {

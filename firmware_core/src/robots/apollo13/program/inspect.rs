@@ -99,7 +99,7 @@ mod tests {
         assert_eq!(hear(&mut car, "/1/kill", 1.0), "killed");
     }
 
-    /// 1.5 m, -0.25 m and a radian, at the time of the last poll.
+    /// The pose is 1.5 m, -0.25 m and one radian, at the time of the last poll.
     #[test]
     fn its_place_is_told_in_millimetres() {
         let mut car = Apollo13::new(Config {

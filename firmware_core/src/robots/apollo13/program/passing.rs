@@ -199,7 +199,7 @@ mod tests {
         assert_eq!((none.x_m, none.y_m), (-1.0, 26.0));
     }
 
-    /// 1.5 m in steps of 5 cm: 31 poses from end to end.
+    /// A passage of 1.5 m in steps of 5 cm has 31 poses, both ends included.
     #[test]
     fn the_way_through_a_gate_is_straight_and_fine() {
         let before = CarPose {

@@ -281,7 +281,7 @@ mod tests {
 
     use super::*;
 
-    /// Three columns and two rows: there are no neighbours beyond the map.
+    /// In a map of three columns and two rows, no cell has neighbours beyond the map.
     #[test]
     fn neighbours_end_with_the_map() {
         let reach = Reach {

@@ -380,7 +380,7 @@ fn the_car_goes_back_once_by_two_and_a_half_metres() {
     assert_eq!(survey.back(at(4.5), Vec::new(), |_| true), None);
 }
 
-/// 0.2 s after a scan the next one is due.
+/// The next scan is due 0.2 s after the last one.
 #[test]
 fn five_scans_a_second_are_drawn() {
     let mut survey = Survey::new(at(0.0));
@@ -541,7 +541,7 @@ fn a_beam_frees_cells_along_its_own_bearing() {
     assert_eq!([both(0.012_4), both(0.013)], [Some(0), Some(-1)]);
 }
 
-/// 0.9 m beside the passed track, except where the car still is.
+/// A position within 0.9 m of the driven track was passed, except where the car still is.
 #[test]
 fn what_lies_beside_the_track_was_passed() {
     let mut survey = Survey::new(at(0.0));

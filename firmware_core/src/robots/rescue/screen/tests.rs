@@ -176,7 +176,7 @@ fn the_map_is_drawn_at_two_pixels_for_three_cells() {
     assert_eq!([180, 182].map(|y| picture.at(26, y)), [GRAY; 2]);
     assert_eq!([picture.at(6, 231), picture.at(205, 32)], [BLACK; 2]);
     assert_eq!([picture.at(7, 231), picture.at(205, 33)], [GRAY; 2]);
-    // A frame around it, and paper around that.
+    // The map has a frame around it, and the frame is surrounded by the background colour.
     for (x, y) in [
         (5, 31),
         (206, 232),
@@ -434,9 +434,9 @@ fn the_status_bar_opens_into_the_messages() {
     assert_eq!(hit, Some(Hit::Button(Action::Order(Mode::Stop))));
 }
 
-/// Pixel 20 of row 50 from below: 20.5 and 50.5 times 1.5 cells. Two taps within 0.6 s and 12
-/// pixels are a double tap, a third tap is a first one again. Reset needs a double tap, other
-/// buttons one tap.
+/// A tap on pixel 20 of row 50 from below means 20.5 and 50.5 times 1.5 cells. Two taps within 0.6
+/// s and 12 pixels are a double tap, a third tap is a first one again. Reset needs a double tap,
+/// other buttons one tap.
 #[test]
 fn the_map_is_touched_once_or_twice() {
     let place = [30.75, 75.75];

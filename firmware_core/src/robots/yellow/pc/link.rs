@@ -562,7 +562,7 @@ mod tests {
         );
     }
 
-    /// YP-02: a byte a millisecond.
+    /// YP-02: the fielded program sends one byte a millisecond.
     #[test]
     fn bytes_may_go_one_a_millisecond() {
         let mut link = link(Sending {

@@ -46,7 +46,7 @@ fn a_goal_and_a_pose_are_three_numbers() {
     assert!(car.take_message(&message("/pose", &[-1.0, 3.0, 7.0])));
     let pose = car.pose();
     assert!((pose.x_m + 1.0).abs() < 1e-9 && (pose.y_m - 3.0).abs() < 1e-9);
-    // 7 less a turn.
+    // The heading of 7 rad less a whole turn.
     assert!((pose.heading_rad - 0.716_814_7).abs() < 1e-6);
     assert!(!car.take_message(&message("/pose", &[1.0])));
     assert!(!car.take_message(&message("/1/speed", &[f32::INFINITY])));
@@ -83,7 +83,8 @@ fn bundles_are_opened_eight_deep() {
     assert_eq!([car.counters.packets, car.counters.bad_packets], [0, 2]);
 }
 
-/// 0 is no new range, up to 3 m is a range, more is none; at 0.6 m an obstacle may be on the floor.
+/// A reading of 0 is no new range; readings up to 3 m are ranges, longer ones are not. At 0.6 m an
+/// obstacle may be on the floor.
 #[test]
 fn ultrasound_counts_up_to_three_metres() {
     let mut car = car();
@@ -318,7 +319,7 @@ fn an_odometer_that_was_reset_moves_nobody() {
     );
 }
 
-/// 13 is a carriage return, 10 a newline.
+/// Byte 13 is a carriage return, byte 10 a newline.
 #[test]
 fn a_terminal_driver_may_change_what_the_board_says() {
     let front = |reads_cr_as_nl| {
