@@ -167,7 +167,7 @@ mod tests {
         assert_eq!(events[1].detail, "9 more times until 0.090000 s");
         // Ten violations, although fewer entries report them.
         assert_eq!(log.broken().iter().collect::<Vec<_>>(), [("too-fast", 10)]);
-        // Each has its moment; the entry that counts them has none.
+        // Each violation has its own time; the entry that counts them adds none.
         let (moments, lost) = log.broken().since(7);
         let moments: Vec<_> = moments.map(|(at, _)| at.as_millis()).collect();
         assert_eq!((moments, lost), (vec![70, 80, 90], 0));
@@ -212,7 +212,7 @@ mod tests {
         assert_eq!(log.poll_at(), Some(Instant::from_millis(1_500)));
         log.poll(Instant::from_millis(1_500));
         assert_eq!(log.take().len(), 1);
-        // Two seconds after the last report.
+        // The next report is due two seconds after the last one.
         assert_eq!(log.poll_at(), Some(Instant::from_millis(3_200)));
     }
 

@@ -53,7 +53,7 @@ fn a_car_drives_a_circle_of_wheelbase_over_tangent() {
     let mut world = car(config, floor(), Pose::default());
     world.actuate("steering", Command::Angle(0.3)).unwrap();
     world.actuate("drive", Command::Speed(0.5)).unwrap();
-    // 10 lags of 0.3 s: the speed is within 2e-5 m/s of its final value.
+    // After 10 lags of 0.3 s the speed is within 2e-5 m/s of its final value.
     world.advance(Instant::from_secs(3));
     let (begin, before) = (world.pose(), world.encoder("drive").unwrap());
     let middle = begin.offset(0.0, 0.834_04);
@@ -124,7 +124,7 @@ fn a_car_stops_with_its_bumper_at_the_wall() {
     assert_eq!(contacts.len(), 1);
     assert!(close(contacts[0].speed_m_s, 0.5, 1e-9), "{contacts:?}");
     assert!(close(contacts[0].place.x, 1.359, 1e-9), "{contacts:?}");
-    // 1 m at 0.5 m/s.
+    // The car drives 1 m at 0.5 m/s, so the contact is at 2 s.
     assert!(close(contacts[0].at.as_secs_f64(), 2.0, 0.002));
     // 4 s at 0.5 m/s are 2 m of rim: the wheels slip.
     assert!(close(

@@ -342,7 +342,8 @@ mod tests {
         }
     }
 
-    /// Breaks the contract on purpose: waits forever once it saw a 1; any 2 is a frame.
+    /// A format that breaks the contract on purpose: it waits forever once it saw a 1; any 2 is a
+    /// frame.
     struct Undecided;
 
     impl Format for Undecided {

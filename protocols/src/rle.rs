@@ -110,7 +110,8 @@ mod tests {
         assert_eq!(row, [9; 4]);
     }
 
-    /// Two of 9, none of 5, three of 127; the last pixel stays.
+    /// The code has two pixels of 9, none of 5 and three of 127; the last pixel of the row stays as
+    /// it was.
     #[test]
     fn each_run_follows_the_one_before_it() {
         let mut row = [1; 6];

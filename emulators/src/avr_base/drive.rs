@@ -184,7 +184,7 @@ mod tests {
         assert_eq!(pulses, [0xBF, 0xF1, 0xFE].map(Drive::Power));
     }
 
-    /// 100 edges unseen, then 7 seen.
+    /// The counter misses 100 edges and then sees 7: only these count.
     #[test]
     fn edges_that_turned_by_unseen_are_never_counted() {
         let ticks = Ticks::with_phase(Duration::ZERO);

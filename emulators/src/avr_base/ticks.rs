@@ -173,7 +173,8 @@ mod tests {
         assert_eq!(ticks.after(now, DIVIDER, 1), now + DIVIDER);
     }
 
-    /// At 50.2 ms the analog task runs, at 25.1 ms only the divider, at 200.8 ms all of them.
+    /// At 50.2 ms the analog task runs, at 25.1 ms only the divider counts, and at 200.8 ms all
+    /// tasks run.
     #[test]
     fn the_work_of_a_tick_is_that_of_its_tasks() {
         let work = |nanos| {

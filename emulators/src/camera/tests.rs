@@ -161,7 +161,7 @@ fn a_marker_is_told_in_the_cameras_axes() {
     };
     assert_eq!((found.id, found.normal), (17, [0, -10_000]));
     let [right, down, ahead] = found.place_mm;
-    // Four deviations of 7.5 mm.
+    // The tolerance of 30 mm is four deviations of 7.5 mm.
     assert!((right + 300).abs() <= 30 && down == 140 && (ahead - 1_500).abs() <= 30);
     // Turned by 30 degrees, it looks back and to the camera's left.
     let askew = PlacedMarker {
@@ -232,7 +232,7 @@ fn faults_do_what_they_say() {
     };
     let mut rows = |camera: &mut Camera| sent(camera, &mut world, Camera::SCAN, 1_000);
     assert!(rows(&mut with("off", None)).is_empty());
-    // One at 33 ms, then one each 200 ms.
+    // One row comes at 33 ms, then one each 200 ms.
     assert_eq!(rows(&mut with("slow", None)).len(), 5);
     assert!(
         depths(&rows(&mut with("blind", None))[0])

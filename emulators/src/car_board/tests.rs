@@ -119,7 +119,7 @@ fn the_hall_sensor_gives_39_8_pulses_a_metre_of_the_left_wheel() {
     let way = run.world.pose().point().distance(Point::default());
     let pulses = f64::from(frames.last().unwrap().hall);
     assert!((pulses / way - 39.8).abs() < 1.0, "{pulses} in {way} m");
-    // Backwards counts up as well.
+    // Driving backwards counts up as well.
     run.say(&[0x87]);
     let back = run.until(secs(15)).last().unwrap().hall;
     assert!(f64::from(back) > pulses + 25.0, "{back}");
@@ -180,7 +180,7 @@ fn the_line_byte_follows_a_line_on_the_floor() {
         seen.push((run.world.pose().x, frames.last().unwrap().line));
     }
     for (x, line) in seen {
-        // A frame is at most 67 ms old: 15 mm.
+        // A frame is at most 67 ms old, in which the car moves 15 mm.
         if (x - 0.30).abs() > 0.02 && (x - 0.70).abs() > 0.02 {
             assert_eq!(line, u8::from((0.30..0.70).contains(&x)), "{x}");
         }

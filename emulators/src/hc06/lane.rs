@@ -287,8 +287,8 @@ mod tests {
         buf[..len].to_vec()
     }
 
-    /// Three bytes, one a millisecond from 1 ms on. With 10 ms of latency the frame arrives at the
-    /// slot behind 11 ms.
+    /// Three bytes arrive, one a millisecond from 1 ms on. With 10 ms of latency the frame arrives
+    /// at the slot behind 11 ms.
     #[test]
     fn bytes_travel_as_one_frame() {
         let mut lane = lane();
@@ -366,7 +366,7 @@ mod tests {
         assert_eq!(second(10_000), (1, at(16_250)));
     }
 
-    /// 50 ms after the last frame the link is idle again: 11.25 + 50 = 61.25 ms.
+    /// The link is idle again 50 ms after the last frame, at 11.25 + 50 = 61.25 ms.
     #[test]
     fn an_idle_link_is_slow_again() {
         let second = |moved_at: u64| {

@@ -250,7 +250,7 @@ fn the_reply_comes_half_a_second_after_the_command() {
     bench.robot_sends(b"AT");
     bench.run_for(2 * SECOND);
     let first_byte_ends = bench.robot[0].0;
-    // 2 + 1 bytes of 1041.666 us and half a second.
+    // The time is that of 2 + 1 bytes of 1041.666 us, plus half a second.
     assert_eq!(first_byte_ends, Instant::from_nanos(503_124_999));
 }
 
@@ -644,7 +644,7 @@ fn a_long_flood_delivers_what_the_radio_can_carry() {
     bench.piece = 64;
     bench.robot_sends(&numbered(184_320));
     bench.run_for(SECOND);
-    // Two seconds of 20.5 kB/s, and the FIFO's 700 bytes.
+    // The radio carries 20.5 kB/s for two seconds, and the FIFO holds 700 bytes more.
     assert!(
         (41_500..41_900).contains(&bench.host.len()),
         "{}",
@@ -753,7 +753,7 @@ fn pieces_of_any_size_lose_the_same_bytes() {
     );
 }
 
-/// A module of another seed has other latencies, the same one the same.
+/// A module with another seed has other latencies, one with the same seed has the same.
 #[test]
 fn the_seed_decides_the_latencies() {
     let run = |seed| {

@@ -388,7 +388,7 @@ fn the_fifo_takes_the_sources_that_are_set() {
     chip.write(at(10), register::FIFO_ENABLE, &[0x10], &world);
     let mut bytes = [0; 4];
     chip.read(at(20), register::FIFO_COUNT, &mut bytes, &world);
-    // 3 degrees a second.
+    // The word is a turn rate of 3 degrees a second.
     assert_eq!(bytes, [0, 2, 0x01, 0x89]);
 }
 

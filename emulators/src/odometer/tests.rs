@@ -138,7 +138,7 @@ fn ap4_the_board_counts_all_edges_up_to_22_cm_a_second() {
         run.drive(speed, 0.0);
         run.until(secs(21));
         let counted = (run.board.counted() - before) as f64;
-        // 298.4155 edges a metre, 20 s.
+        // The wheel has 298.4155 edges a metre, and the drive takes 20 s.
         let ratio = counted / (298.4155 * 20.0 * speed);
         assert!((ratio - expected).abs() <= within, "{speed} m/s: {ratio}");
     }
@@ -192,7 +192,7 @@ fn each_program_prints_what_the_car_does() {
     assert!((raw.distance - 4.4).abs() < 0.03, "{line}");
     assert!((raw.rates[2] - 0.36).abs() < 0.011, "{line}");
     assert!((raw.accelerations[2] - 9.81).abs() < 0.02, "{line}");
-    // 0.22 m/s * 0.3605 rad/s to the left.
+    // The curve accelerates the car by 0.22 m/s * 0.3605 rad/s to the left.
     assert!((raw.accelerations[1] - 0.0793).abs() < 0.01, "{line}");
     assert_eq!(raw.field, [0.0; 3], "it has no magnetometer");
 }

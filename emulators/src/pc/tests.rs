@@ -258,7 +258,7 @@ fn an_order_that_is_not_obeyed_is_given_up() {
     assert_eq!(desk.frame_times().len(), 6);
 }
 
-/// Each kind of condition, in one script.
+/// One script waits for each kind of condition.
 #[test]
 fn steps_wait_for_their_condition() {
     let raw = |byte: &[u8]| Action::Raw(byte.to_vec());
@@ -724,7 +724,7 @@ fn a_pc_has_something_to_send_once_it_opens_its_port() {
     assert!(pc.may_send(Pc::AIR));
 }
 
-/// The list to be sent; empty after its echo.
+/// The list of waypoints to be sent is reported; it is empty after its echo.
 #[test]
 fn waypoints_that_were_not_confirmed_are_told() {
     let list = [[100, 200], [3, 4]];

@@ -126,7 +126,7 @@ fn faults_are_heard() {
     assert!(!chip.acknowledges(Instant::ZERO, 0xE0));
 }
 
-/// By messages: command, wait, read; a read while ranging finds all ones.
+/// Over the bus: a command, a wait and a read. A read while the chip ranges gives all ones.
 #[test]
 fn a_bus_carries_its_transactions() {
     let mut world = world(Some(1.0));

@@ -128,7 +128,7 @@ fn taps_do_not_run_into_each_other() {
     assert_eq!(ups, [Instant::from_millis(100), Instant::from_millis(300)]);
 }
 
-/// One switches the display on, one draws a pixel.
+/// One frame switches the display on, another one draws a pixel.
 #[test]
 fn a_frame_that_is_as_it_should_be_is_counted() {
     let mut panel = TouchPanel::new(Vec::new());

@@ -202,7 +202,7 @@ mod tests {
             assert_eq!(bumper.constrain(&scene, Instant::ZERO, wanted), wanted);
             *free = bumper.free;
         }
-        // 2 mm a step.
+        // The body moves 2 mm in a step.
         for (found, expected) in free.into_iter().zip([0.898, 0.896, 0.894]) {
             assert!((found - expected).abs() < 1e-9, "{found} {expected}");
         }

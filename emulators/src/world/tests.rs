@@ -378,7 +378,7 @@ fn a_robot_at_a_wall_can_turn_and_leave_along_it() {
     assert!(world.pose().y > 0.2, "{:?}", world.pose());
 }
 
-/// The corner of two walls, both met in the same step.
+/// The robot drives into the corner of two walls and meets both in the same step.
 #[test]
 fn a_corner_stops_the_robot_with_one_contact() {
     let scene = Scene::new(

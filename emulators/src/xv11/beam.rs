@@ -621,7 +621,7 @@ mod tests {
         assert_eq!([-0.14, 0.0, 0.14].map(share), [8.0 / 71.0; 3]);
         assert_eq!([0.16, 0.24, 0.34].map(share), [0.75; 3]);
         assert_eq!([-0.34, -0.24, -0.16, 0.36, 0.5].map(share), [0.0; 5]);
-        // A wall, however slanting.
+        // A wall without a corner gives no double dot, however slanting it is.
         assert_eq!(corner_share(1000.0, [980.0, 1020.0], [955.6, 1044.4]), 0.0);
         // 9.6 mm of bend in a wall that falls by 9 mm to the dot's side: behind the dot, then
         // ahead.
@@ -645,7 +645,7 @@ mod tests {
     fn a_closer_look_is_worth_it_from_two_per_cent_on() {
         assert!(!is_rough(990.0, 1000.0, 990.0) && !is_rough(1010.0, 1000.0, 1010.0));
         assert!(is_rough(989.0, 1000.0, 990.0) && is_rough(1010.0, 1000.0, 1011.0));
-        // A slope is not rough.
+        // A wall that only slopes is not rough.
         assert!(!is_rough(900.0, 1000.0, 1100.0));
         assert!(is_rough(f64::INFINITY, 1000.0, 1000.0));
         assert!(is_rough(f64::INFINITY, f64::INFINITY, 1000.0));

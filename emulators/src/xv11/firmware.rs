@@ -331,7 +331,7 @@ mod tests {
         assert_eq!([given_up(Some(SPIN_TIME)), given_up(None)], [waits; 2]);
     }
 
-    /// A text, then dots, one each time, and no text after the last dot.
+    /// The firmware sends a text, then one dot each time, and no text after the last dot.
     #[test]
     fn a_head_that_is_waited_for_makes_dots() {
         let mut lidar = Xv11::new("lidar", 1, Config::default());

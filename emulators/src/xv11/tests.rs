@@ -630,7 +630,7 @@ fn a_host_that_behaves_is_told_nothing() {
         ..Config::default()
     };
     let mut bench = Bench::new(1, host, room(1.0));
-    // 3.34 of 5 V turn the head at 300 rpm.
+    // A drive of 3.34 of 5 V turns the head at 300 rpm.
     bench.lidar.receive(Xv11::MOTOR, Instant::ZERO, &[170]);
     bench.run_to(millis(10_000));
     let events = bench.lidar.take_events();

@@ -273,7 +273,7 @@ fn a_simulated_chip_prints_what_our_emulated_board_prints() {
         return;
     };
     let ours = emulated(5_500);
-    // 5.5 s less 265 ms, a line every 9.9 to 10.1 ms.
+    // The run takes 5.5 s less 265 ms, with a line every 9.9 to 10.1 ms.
     for lines in [&simulated, &ours] {
         assert!((518..=529).contains(&lines.len()), "{}", lines.len());
     }

@@ -1,4 +1,4 @@
-//! A 6 m x 6 m arena with a few blocks, driven at 0.3 m/s, at 20 mm cells.
+//! A robot drives at 0.3 m/s in an arena of 6 m x 6 m with a few blocks, mapped in cells of 20 mm.
 
 use firmware_core::slam::Settings;
 

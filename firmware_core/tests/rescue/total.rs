@@ -10,7 +10,7 @@ use protocols::pcui::message::{Mode, Order, Waypoint, encode_order, encode_waypo
 use protocols::xv11::{Frame, RawReading, SpeedWord};
 use protocols::{Decode, Instant, LineEvent, Port, pcui};
 
-/// Bytes for a port: whole frames, damaged ones, noise.
+/// A port's number and bytes for it: whole frames, damaged frames, or noise.
 fn traffic() -> impl Strategy<Value = (u8, Vec<u8>)> {
     let packet = (0_u8..90, any::<u16>(), any::<[[u8; 4]; 4]>()).prop_map(|(index, speed, raw)| {
         let frame = Frame::new(index, SpeedWord(speed), raw.map(RawReading));

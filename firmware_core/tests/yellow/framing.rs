@@ -102,7 +102,8 @@ fn the_fielded_robot_is_deaf_behind_a_frame() {
     assert_eq!(bench.counter("telecommands"), 2);
 }
 
-/// A valid frame that is no message, and one with a value that is not a number.
+/// A valid frame that is no message, and a message with a value that is not a number, change
+/// nothing.
 #[test]
 fn what_means_nothing_changes_nothing() {
     let mut bench = Bench::new(square(2.0));

@@ -166,7 +166,8 @@ fn ye5_the_fielded_robot_drives_on_without_anybody() {
     assert!(bench.speed()[0] > 0.29);
 }
 
-/// A new goal between the end of a manoeuvre and the following state change.
+/// Sends a new goal between the end of a manoeuvre and the following state change; returns the
+/// robot's mode then.
 fn goal_at_the_end(mut bench: Bench) -> &'static str {
     bench.go(0.3, 0.0, 0.0);
     let arrived = bench.run_until(10 * SECOND, |bench| bench.counter("arrivals") == 1);

@@ -114,7 +114,7 @@ fn telemetry_goes_on_behind_a_long_answer() {
     assert!(bench.heard.iter().all(|(at, _)| at.as_millis() % 200 <= 10));
 }
 
-/// Four walls, 1 m away, sent once per request.
+/// The lines of four walls, 1 m away, are sent once per request.
 #[test]
 fn lines_are_told_when_asked_for() {
     let mut bench = Bench::new(square(2.0));

@@ -84,7 +84,7 @@ fn ye4_a_wrapping_counter_is_no_jump() {
             None => Bench::new(square(100.0)),
             Some(id) => Bench::with_defect(square(100.0), id),
         };
-        // The left counter counts up over its end, the right one down.
+        // The left counter counts up over its end, the right one counts down over it.
         bench.counter_offset = [65_000, 500];
         let mut bench = ready(bench);
         bench.drive(0.5, 0.0);

@@ -60,7 +60,7 @@ fn figures_out_of_range_are_told() {
     assert_eq!(text, "motor level is 11, expected -10 to 10");
 }
 
-/// Both ends of the range, and its middle.
+/// The values at both ends of the range and in its middle.
 #[test]
 fn a_steering_value_keeps_its_number() {
     let kept = |value| Steering::new(value).map(Steering::get);

@@ -331,7 +331,7 @@ mod tests {
         );
     }
 
-    /// Finding T2: each half of each byte.
+    /// Finding T2: an address has a digit for each half of each byte.
     #[test]
     fn an_address_is_twelve_digits() {
         let address = LineReply::Address([0x98, 0xD3, 0x31, 0xF0, 0xA1, 0xB2]);

@@ -203,7 +203,7 @@ fn the_exact_sum_wants_five_figures() {
     assert!(!passes_exact_sum(b"1.00*0.50*2.25*x*7.75*"));
 }
 
-/// `#` and ten figures, without verification.
+/// A line of the later sketch is `#` and ten figures; it has no sum to verify.
 #[test]
 fn the_later_sketch_has_ten_figures_and_no_sum() {
     let raw = Raw::read(b"#1.25*0.01*0.02*0.50*0.10*0.20*9.81*12.00*-3.00*40.00*").unwrap();

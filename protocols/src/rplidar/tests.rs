@@ -543,7 +543,7 @@ fn bytes_that_begin_no_node_are_noise_only_before_the_first() {
         decoder.push(bytes).filter(Result::is_err).count()
     };
     let sound = nodes(12).concat();
-    // Both start bits 0.
+    // In the byte 00, both start bits are 0.
     assert_eq!(failures(&[&[0x00][..], &sound].concat()), 0);
     assert!(failures(&[&sound[..], &[0x00], &sound].concat()) > 0);
 }

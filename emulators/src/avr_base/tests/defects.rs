@@ -125,7 +125,7 @@ fn av_03b(profile: Profile) -> bool {
     is_error(&bench, &reply) && bench.read(255, 1) == [0xFF]
 }
 
-/// `AB 37 81 FF` to the data pointer: acknowledged.
+/// The write `AB 37 81 FF` to the data pointer is acknowledged.
 fn av_03c(profile: Profile) -> bool {
     let mut bench = bench(profile);
     let reply = bench.write(55, &[0xFF]);
@@ -149,7 +149,7 @@ fn av_05(profile: Profile) -> bool {
     bench.read(33, 2) == [0x2E, 0x00]
 }
 
-/// A pause of 1.5 ms in which a count of the divider falls.
+/// A frame has a pause of 1.5 ms, during which the divider counts.
 fn av_06(profile: Profile) -> bool {
     let mut bench = bench(profile);
     bench.run(Duration::from_micros(24_500) - 10 * MS);
@@ -167,7 +167,7 @@ fn av_07(profile: Profile) -> bool {
     bench.ask(&frame.as_bytes().repeat(2)).len() < 12
 }
 
-/// All 53 registers, and the next request while the reply fills the ring.
+/// A read of all 53 registers, and the next request while the reply fills the ring.
 fn av_08(profile: Profile) -> bool {
     let mut bench = bench(profile);
     let order = bench.order();
@@ -186,7 +186,7 @@ fn av_09(profile: Profile) -> bool {
     is_error(&bench, &reply)
 }
 
-/// A header that announces 126 bytes, then after 3 ms a good frame.
+/// A header announces 126 bytes; 3 ms later a good frame follows.
 fn av_10(profile: Profile) -> bool {
     let mut bench = bench(profile);
     bench.send(&hex("AB 00 FE"));
@@ -294,7 +294,7 @@ fn av_18(profile: Profile) -> bool {
     first == [0] && bench.read(35, 1) == [25]
 }
 
-/// A wall 30 mm in front of the long-range sensor.
+/// A wall is 30 mm in front of the long-range sensor.
 fn av_19(profile: Profile) -> bool {
     let wall = Shape::Wall {
         from: Point::new(0.18, -1.0),
@@ -315,7 +315,7 @@ fn av_20(profile: Profile) -> bool {
     is_error(&bench, &reply) && bench.read(255, 1) == [0x55]
 }
 
-/// Five seconds of silence.
+/// The base receives nothing for five seconds.
 fn h_av_1(profile: Profile) -> bool {
     let mut bench = bench(profile);
     bench.write(46, &[20, 20, 0]);

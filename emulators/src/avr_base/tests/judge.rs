@@ -135,7 +135,7 @@ fn bytes_between_frames_are_told() {
 fn requests_that_do_not_wait_for_the_reply_are_told() {
     let told = |profile: Profile, gap: Duration| {
         let mut bench = Bench::new(in_phase(profile));
-        // After the next tick.
+        // The base is observed after the next tick.
         bench.run(MS / 5);
         bench.send(&read(profile, 36, 10));
         bench.run(gap);
@@ -144,7 +144,7 @@ fn requests_that_do_not_wait_for_the_reply_are_told() {
         bench.broken()
     };
     assert_eq!(told(FIELD, Duration::ZERO), [rules::BYTES_WHILE_BUSY]);
-    // Listening again, but still answering: 15 bytes take 150 us.
+    // After 140 us the base listens again but still answers, because 15 bytes take 150 us.
     let early = Duration::from_micros(140);
     assert_eq!(told(FIELD, early), [rules::REQUEST_BEFORE_REPLY]);
     assert_eq!(told(FIELD, MS), NONE);

@@ -228,7 +228,7 @@ fn dtr_stops_and_starts_the_motor_of_the_adapter() {
         bench.lidar.speed_rpm()
     };
     assert_eq!(speed(&mut bench, 1), 0.0);
-    // 7.36 turns a second.
+    // The head makes 7.36 turns a second.
     assert!((438.0..445.0).contains(&speed(&mut bench, 0)));
 }
 

@@ -92,7 +92,7 @@ fn a_slow_head_gives_more_nodes_in_a_turn() {
     });
 }
 
-/// Field bug 19.
+/// Field bug 19: the turns of an uneven head have different lengths.
 #[test]
 fn an_uneven_head_gives_varying_turns() {
     let adapter = config(Profile::Fw129, MotorControl::Dtr);
@@ -190,7 +190,7 @@ fn a_health_warning_is_told() {
 fn a_loose_cable_loses_bytes() {
     assert_shows(Fault::ByteLoss, Some(200.0), &fw129(), |bench| {
         bench.scan();
-        // A sample each 508 us.
+        // A sample of five bytes comes each 508 us: 1,969 in a second.
         let lost = 1_969_usize * 5 - bench.bytes.len();
         (20..100).contains(&lost)
     });
@@ -261,7 +261,7 @@ fn a_torn_start_misaligns_the_first_node() {
     assert_eq!(torn(Vec::new()), 0);
 }
 
-/// Field bug 5.
+/// Field bug 5: the descriptors of a foreign sensor begin with AA 55.
 #[test]
 fn a_foreign_sensor_begins_with_aa_55() {
     shows(Fault::Foreign, |bench| {
@@ -269,7 +269,7 @@ fn a_foreign_sensor_begins_with_aa_55() {
     });
 }
 
-/// Field bug 3.
+/// Field bug 3: the announced length is one byte too large.
 #[test]
 fn a_descriptor_announces_one_byte_too_many() {
     shows(Fault::DescriptorLength, |bench| {
@@ -338,7 +338,7 @@ fn a_typical_mode_may_be_one_that_is_not_streamed() {
     assert_eq!(bench.ask(Command::ExpressScan { mode: 2 }).len(), 7);
 }
 
-/// Field bug 10.
+/// Field bug 10: an answer has a descriptor and no data.
 #[test]
 fn an_empty_answer_is_a_descriptor_only() {
     shows(Fault::EmptyAnswer, |bench| {
@@ -346,7 +346,7 @@ fn an_empty_answer_is_a_descriptor_only() {
     });
 }
 
-/// Field bug 13.
+/// Field bug 13: answers come two seconds late.
 #[test]
 fn late_answers_come_after_two_seconds() {
     shows(Fault::LateAnswers, |bench| {
@@ -355,7 +355,7 @@ fn late_answers_come_after_two_seconds() {
     });
 }
 
-/// Field bugs 3 and 13.
+/// Field bugs 3 and 13: the line has the rate of another sensor.
 #[test]
 fn a_wrong_rate_is_that_of_another_sensor() {
     shows(Fault::WrongRate, |bench| {
@@ -443,7 +443,7 @@ fn compass(fault: Option<Fault>) -> [u16; 4] {
     })
 }
 
-/// Field bug 17.
+/// Field bug 17: the picture is mirrored or turned.
 #[test]
 fn a_scan_can_be_mirrored_or_turned() {
     assert_eq!(compass(None), [10, 20, 30, 40]);

@@ -175,9 +175,9 @@ mod tests {
                     .is_none_or(|(a, b)| a.into_iter().zip(b).all(alike))
                 && found.1.is_some() == met.is_some()
         };
-        // 0.2 m nearer, of which 0.1 m are free.
+        // The surface comes 0.2 m nearer, of which 0.1 m are free.
         assert!(is(left(0.6, 0.6, 0.4), 0.5, Some([0.2, 0.2])));
-        // Up to the surface, and no farther; away from it; past it far away.
+        // Motions up to the surface and no farther, away from it, and past it at a distance.
         assert!(is(left(0.6, 0.6, 0.5), 1.0, Some([0.0; 2])));
         assert!(is(left(0.4, 0.4, 0.45), 1.0, Some([0.0; 2])));
         assert!(is(left(0.9, 0.9, 0.8), 1.0, None));

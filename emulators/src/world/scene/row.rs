@@ -227,7 +227,7 @@ mod tests {
         }
     }
 
-    /// At exactly the distance up to which everything counts as behind the camera.
+    /// A wall at exactly the distance up to which everything counts as behind the camera.
     #[test]
     fn a_wall_as_near_as_can_be_is_seen() {
         let wall = Segment::new(Point::new(NEAR_M, -1.0), Point::new(NEAR_M, 1.0));

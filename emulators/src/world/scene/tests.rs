@@ -70,7 +70,7 @@ fn a_polygon_is_closed_and_seen_from_inside_and_outside() {
     assert_eq!(scene.bounds(), bounds);
 }
 
-/// All directions to the corners, and between them, of a room with the lidar in the middle.
+/// Rays in all directions to the corners of a room, and between them, from a lidar in the middle.
 #[test]
 fn no_ray_leaves_a_closed_room() {
     let room = polygon(&[(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]);
