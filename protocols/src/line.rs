@@ -223,8 +223,8 @@ mod tests {
         assert!(others.iter().all(|&other| !sender.agrees_with(other)));
     }
 
-    /// Three bytes of 10 us behind one whose successors end at 100 us; 11 bytes behind it would
-    /// have begun before the run.
+    /// A byte with three bytes of 10 us behind it, the last of which ends at 100 us, ended at 70
+    /// us. With 11 bytes behind it, the byte would have ended before the run: the result is 0.
     #[test]
     fn the_end_of_a_byte_follows_from_those_behind_it() {
         let line = LineConfig::new_8n1(1_000_000);

@@ -110,8 +110,8 @@ fn a_file_that_is_no_capture_is_refused() {
     );
 }
 
-/// Blocks of the file between the packets would cut one in every record. Bytes to the lidar, and
-/// bytes on another line, are not the lidar's.
+/// Read as plain bytes, the file's own blocks would cut a packet in every record. Bytes to the
+/// lidar, and bytes on another line, are not the lidar's.
 #[test]
 fn of_a_capture_only_what_the_lidar_sent_is_read() {
     // First packet of the capture "hand in box", fw 2.4.

@@ -139,7 +139,7 @@ fn a_run_is_replayed_decoded_exported_and_kept_with_every_robot() {
     }
 }
 
-/// A few seeds of everything; each one leaves a line with any result.
+/// A campaign varies everything with a few seeds; each seed leaves a line, whatever its result.
 #[test]
 fn campaigns_vary_every_robot() {
     for row in ROWS {

@@ -21,7 +21,8 @@ eventually = { bytes = { link = \"sonar\", direction = \"to-device\", hex = \"70
 const PLANNER: &str = include_str!("programs/slow/planner.c");
 const MAPPER: &str = include_str!("programs/slow/mapper.py");
 const ANSWERER: &str = include_str!("programs/slow/answerer.rs");
-/// Scale at which each step of the programs takes some hundred milliseconds, instead of some here.
+/// Scale at which each step of the programs takes some hundred milliseconds; on this machine it
+/// takes only a few.
 const SCALE: &str = "100";
 
 fn run(name: &str, scenario: &str, command: &str, more: &[&str]) -> Ended {
@@ -177,8 +178,8 @@ fn a_case_that_does_not_fit_its_program_fails() {
     }
 }
 
-/// Words choose: a thread waits in a loop for one that sleeps 50 ms, or a child computes for
-/// seconds as the run ends.
+/// The arguments choose one of two cases: a thread waits in a loop for one that sleeps 50 ms, or a
+/// child computes for seconds as the run ends.
 const FREE: &str = "\
 #include <fcntl.h>
 #include <pthread.h>

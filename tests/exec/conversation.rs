@@ -154,7 +154,7 @@ fn a_client_with_another_timing_has_the_same_conversation() {
     assert_eq!(code, Some(1), "{said}");
 }
 
-/// A misspelt question, and a missing one.
+/// One client asks a misspelt question, another one omits a question.
 #[test]
 fn a_client_that_asks_something_else_is_told_apart_in_words() {
     let bench = Bench::new("parts", METER, CLIENT);

@@ -37,7 +37,8 @@ fn saved(said: &str) -> u32 {
 }
 
 /// The program counts lines and seconds since its start: put back, it has counted none. With a
-/// thread, a child, another file or more memory it is started for each case. No way has a finding.
+/// thread, a child, another file or more memory it is started for each case. Neither way has a
+/// finding.
 #[test]
 fn a_case_without_a_start_begins_like_one_with_a_start() {
     let Some(program) = compiled("restarts", "cc", PROGRAM, &["-pthread"]) else {
@@ -61,7 +62,7 @@ fn a_case_without_a_start_begins_like_one_with_a_start() {
 }
 
 /// A failure of a case without a start is a finding if a start shows it as well: it is confirmed
-/// and minimised. Only the program's own words have the one that it trips over.
+/// and minimised. Only the texts in the program contain the word at which it fails.
 #[test]
 fn a_finding_without_a_start_is_one_with_a_start() {
     let Some(program) = compiled("restarts-bug", "cc", PROGRAM, &["-pthread"]) else {

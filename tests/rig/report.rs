@@ -29,7 +29,7 @@ fn a_report_says_what_was_demanded_and_what_came_of_it() {
     assert!(html.contains("<span id=\"verdict\" class=\"fail\">FAIL</span>"));
     assert!(html.contains("<tr class=\"fail\"><td>FAIL</td><td>wall-overlap</td>"));
     assert!(html.contains("<tr class=\"pass\"><td>ok</td><td>bytes-conserved</td>"));
-    // The result of the rate is one row, with the damaged bytes.
+    // All strikes of the fault with a rate are in one row, with the damaged bytes.
     let row = "<td>flip</td><td>base</td><td>to-device</td><td><details><summary>";
     assert_eq!(html.matches(row).count(), 1);
 }

@@ -14,8 +14,9 @@ fn scan(laser: &str, robot: &str, time: f64) -> String {
     format!("FLASER 3 99 2 99 {laser} {robot} {time} host {time}\n")
 }
 
-/// Equal poses are the laser's own. Poses that show the offset of the laser from the robot define
-/// it. Only if the poses are in different frames, PARAM defines the offset.
+/// If the poses of laser and robot are equal, they are the laser's own. If they differ, they define
+/// the offset of the laser from the robot. Only if the poses are in different frames, PARAM defines
+/// the offset.
 #[test]
 fn the_laser_sits_where_its_pose_says() {
     let ahead_mm = |laser: &str| {

@@ -116,8 +116,8 @@ fn the_tests_that_the_fidelity_page_names_exist() {
     }
 }
 
-/// A landing would run a long test that its list names wrongly, and `--since` would never run one
-/// whose paths are wrong.
+/// A long test with a wrong name in its list would run at each landing, and one with wrong paths
+/// would never run with `--since`.
 #[test]
 fn the_long_tests_and_their_paths_exist() {
     let list = std::fs::read_to_string(root().join("tests/long.txt")).expect("the list");

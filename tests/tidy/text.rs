@@ -409,7 +409,7 @@ fn sentences_name_their_subject() {
     judge(&files, open_subjects);
 }
 
-/// Rooms whose comments are in the words of the field; others follow.
+/// Modules whose comments already use the words of the field, and are checked; others follow.
 const PLAIN_ROOMS: [&str; 19] = [
     "benches/",
     "crates/boards/",

@@ -253,7 +253,7 @@ mod tests {
             let is_nul = content[2] < 3;
             assert_eq!(kinds.contains(&"unterminated-text"), is_nul, "{kinds:?}");
             let longest = changes.iter().map(|one| one.content.len()).max();
-            // 255 bytes with a checksum of one byte.
+            // A frame has at most 255 bytes, of which the checksum takes one.
             let expected = if content[2] == 5 { content.len() } else { 254 };
             assert_eq!(longest, Some(expected), "{content:?}");
         }

@@ -167,7 +167,7 @@ fn a_wrong_request_is_refused_with_its_index() {
 }
 
 /// A sensor answers a request, and sends the same message again, or another one without a request.
-/// A message that the device also sends by itself is none of them.
+/// A message that the device also sends by itself is not reported.
 #[test]
 fn a_reply_that_was_not_asked_for_is_reported() {
     let other = "{ name = \"other\", from = \"device\", fields = [{ type = \"u8\", value = 3 }] },\n]\non =";

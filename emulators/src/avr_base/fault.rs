@@ -152,8 +152,8 @@ mod tests {
         assert_eq!(with_button[6..], ["stop-button"]);
     }
 
-    /// The count grows by half as much again, or backwards without a figure; it is right after the
-    /// fault.
+    /// A wrong encoder counts half as much again, or backwards if the fault has no figure. After
+    /// the fault it counts correctly.
     #[test]
     fn wrong_encoders_are_sound_again_when_the_fault_ends() {
         let mut base = AvrBase::new(super::super::AvrBaseConfig::default(), 7);

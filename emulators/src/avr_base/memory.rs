@@ -387,7 +387,7 @@ mod tests {
         assert_eq!(memory.read(255, 127), [7; 127]);
     }
 
-    /// Both builds, read on the chip: 127 bytes from 255 on, at rest.
+    /// The 127 bytes of memory from 255 on, as read on the chip with both builds at rest.
     #[test]
     fn f1_unused_memory_is_as_the_start_code_leaves_it() {
         let mut memory = Memory::new(MAP_2015);

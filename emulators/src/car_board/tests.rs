@@ -125,8 +125,8 @@ fn the_hall_sensor_gives_39_8_pulses_a_metre_of_the_left_wheel() {
     assert!(f64::from(back) > pulses + 25.0, "{back}");
 }
 
-/// A car as a scenario describes it has the shaft's encoder alone: straight ahead that turns as the
-/// wheels do.
+/// A car that a scenario describes has only the encoder of its shaft. When the car drives straight
+/// ahead, the shaft turns as the wheels do.
 #[test]
 fn the_hall_sensor_counts_on_a_car_with_an_encoder_at_its_shaft_alone() {
     let mut run = run(BoardConfig::default());

@@ -348,7 +348,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The specification in three lines: test everything, keep the nearest, the first of equals.
+    /// The specification in three lines: test every primitive and keep the nearest, or the first of
+    /// equally near ones.
     fn naive(primitives: &[Primitive], ray: Ray, limit: f64) -> Option<(usize, Crossing)> {
         let all = primitives
             .iter()

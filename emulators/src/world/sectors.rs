@@ -317,7 +317,8 @@ mod tests {
     use super::super::geometry::{Circle, Segment};
     use super::*;
 
-    /// The specification: test everything, keep the nearest, the first of equals.
+    /// The specification: test every primitive and keep the nearest, or the first of equally near
+    /// ones.
     fn naive(primitives: &[Primitive], ray: Ray, limit: f64) -> Option<(usize, Crossing)> {
         let all = primitives
             .iter()
@@ -369,7 +370,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(8 * ProptestConfig::default().cases))]
 
-        /// Each answer of a prepared place is that of a test of everything.
+        /// Each answer of a prepared place equals that of a test of all surfaces.
         #[test]
         fn a_place_finds_what_testing_everything_finds(
             primitives in prop::collection::vec(primitive(), 1..40),

@@ -816,8 +816,8 @@ mod tests {
         assert!(ranges > 80, "{ranges}");
     }
 
-    /// A unit without detail forgets; with detail a part of the last turn's noise of the same
-    /// degree stays, and the deviation with it.
+    /// In a unit without detail the noise of each turn is new. In a unit with detail a part of the
+    /// last turn's noise of the same degree stays, and the deviation stays the same.
     #[test]
     fn the_noise_of_the_last_turn_stays_in_a_unit_with_detail() {
         let noise = |range, strength| Noise {

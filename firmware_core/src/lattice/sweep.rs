@@ -459,7 +459,8 @@ mod tests {
         assert!((way[1][2] - core::f64::consts::PI).abs() < 1e-9, "{way:?}");
     }
 
-    /// One step ahead, one diagonal, a knight's move: 1 + 1.4142 + 2.4142.
+    /// Lengths in cells: 1 for a step ahead, 1.4142 for a diagonal one, and 2.4142 for a knight's
+    /// move.
     #[test]
     fn ways_through_cells_go_ahead_and_aslant() {
         let length = octile(&cells(&[(1, 0), (2, 1), (3, -1)]));

@@ -97,7 +97,8 @@ fn a_pause_ends_a_frame_that_was_cut_off() {
     assert!(matches!(&outcome[1], Ok(frame) if frame.payload() == [1, 2]));
 }
 
-/// Defect 1: ERROR is overwritten by DONE. YE1 names it: sound ends drop the frame.
+/// Defect 1: the state ERROR is overwritten by DONE, so a corrupt frame is delivered. By YE1, a
+/// sound end drops the frame.
 #[test]
 fn ye1_corrupt_frames_are_delivered_only_with_the_defect() {
     let mut corrupt = PLAIN;

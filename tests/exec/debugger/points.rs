@@ -39,7 +39,8 @@ struct Program {
     command: String,
     function: &'static str,
     variables: &'static str,
-    /// How often the function is called; a landing trusts it, and a step behind it fails.
+    /// Number of calls of the function. A landing does not count them again; a wrong number fails
+    /// at a step behind a call.
     hits: u64,
     /// Most instructions behind a hit.
     steps: u64,

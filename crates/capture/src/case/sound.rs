@@ -142,7 +142,8 @@ mod tests {
         }]
     }
 
-    /// Twenty lines and forty bytes: two lines may be missing at the end, five may not.
+    /// The reference sends twenty lines and forty bytes: two lines may be missing at the end, five
+    /// may not.
     #[test]
     fn a_program_that_parts_from_the_reference_fails() {
         let lines = |count: usize| (0..count).map(|n| format!("{n}\n")).collect::<String>();

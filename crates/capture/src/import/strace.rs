@@ -459,7 +459,8 @@ mod tests {
         Ok(found.records().iter().map(one).collect())
     }
 
-    /// 10 and 11 ms after the start with -r, where each line counts; 100 ms past midnight.
+    /// With -r, the times of all lines add up: the calls are 10 and 11 ms after the first one. With
+    /// times of the day, a call comes 100 ms later, past midnight.
     #[test]
     fn times_are_distances_or_go_past_midnight() {
         let apart = |text: &str| {

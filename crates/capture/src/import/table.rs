@@ -406,7 +406,7 @@ mod tests {
         );
     }
 
-    /// A decimal comma, as programs write it in many countries.
+    /// Times with a decimal comma, as programs write them in many countries.
     #[test]
     fn a_comma_may_be_the_decimal_mark() {
         let expected = vec![(501, false, vec![0x41]), (1_500, false, vec![0x0A])];
@@ -423,7 +423,7 @@ mod tests {
         assert!(told("Time;Data\n1.234,5;41\n").is_err());
     }
 
-    /// 501 us, and 999 us later; a row without bytes has a time, too.
+    /// The first bytes come at 501 us, the next 999 us later; a row without bytes has a time, too.
     #[test]
     fn a_column_of_pauses_is_added_up() {
         let expected = vec![(501, true, vec![0xAB, 0x24]), (1_500, false, vec![0x0A])];

@@ -305,7 +305,7 @@ mod tests {
         assert_eq!(at, [true, false, false, true, false]);
     }
 
-    /// A time that goes back counts as the last one; an equal level is no change.
+    /// A time before the last one counts as the last one; an equal level is no change.
     #[test]
     fn levels_are_set_in_order() {
         let mut levels = Levels {

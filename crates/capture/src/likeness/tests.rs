@@ -202,7 +202,7 @@ fn figures_of_a_conversation_by_hand() {
     assert_eq!(one.latencies_ms(), [2.0, 5.0]);
     assert_eq!(one.periods_ms(), [100.0, 120.0]);
     assert_eq!(one.burst_lengths(), [4.0, 2.0, 2.0, 4.0]);
-    // 17 bytes; the last one ends at 420.04 ms.
+    // The rate is that of 17 bytes, the last of which ends at 420.04 ms.
     let rate = one.bytes_per_s().expect("there are bytes");
     assert!((rate - 17.0 / 0.42004).abs() < 1e-9, "{rate}");
     let messages: Vec<(&[u8], &[u8])> = one.messages().collect();
@@ -406,7 +406,7 @@ fn bursts_are_compared_by_number_length_and_period() {
             "{name}"
         );
     }
-    // 20 bytes in 400.04 ms.
+    // The rate is that of 20 bytes in 400.04 ms.
     let rate = figure(&same, "bytes from the device per second");
     assert_eq!(rate.limit, Limit::Share(0.1));
     assert!((rate.real.expect("bytes") - 20.0 / 0.40004).abs() < 1e-9);

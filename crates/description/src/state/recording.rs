@@ -85,7 +85,7 @@ mod tests {
             [read(0.5, false), read(1.0, false), read(9.0, false)],
             [2.0, 3.0, 4.0]
         );
-        // The recording has a period of two seconds.
+        // The recording repeats with a period of two seconds.
         assert_eq!([read(2.5, true), read(3.5, true)], [2.0, 3.0]);
         let error = |text, column| match Recording::parse(text, column).expect_err("wrong") {
             RecordingError::Column(message) | RecordingError::Contents(message) => message,

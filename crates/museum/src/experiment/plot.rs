@@ -260,7 +260,7 @@ fn marks([low, high]: [f64; 2]) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// The range 0 to 23 in about six steps of a round length.
+    /// The range from 0 to 23 has about six marks, at steps of a round length.
     #[test]
     fn marks_are_round() {
         assert_eq!(marks([0.0, 23.0]), [0.0, 5.0, 10.0, 15.0, 20.0]);

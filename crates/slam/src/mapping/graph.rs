@@ -508,7 +508,8 @@ mod tests {
         poses.iter().map(|pose| walk.way_to(*pose)).collect()
     }
 
-    /// A metre of motion is a metre; a loop is shorter; beyond the limit no pose is returned.
+    /// Lengths of paths in the graph: a motion of a metre counts as a metre, and a loop gives a
+    /// shorter path. Beyond the limit no pose is returned.
     #[test]
     fn ways_lead_through_loops() {
         let mut graph = Graph::default();

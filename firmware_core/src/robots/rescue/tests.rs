@@ -362,7 +362,7 @@ fn turn_the_lidar(robot: &mut Rescue, until: u64) {
 /// A turn is checked once the encoders behind it have been read, or 30 ms later.
 #[test]
 fn a_turn_waits_for_the_encoders_for_thirty_milliseconds() {
-    // A base that is silent would not be waited for.
+    // The program does not wait for a base that counts as silent, so the timeout is longer here.
     let mut robot = Box::new(Rescue::new(Config {
         reply_timeout: Duration::from_millis(100),
         ..Config::default()

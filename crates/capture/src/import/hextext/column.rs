@@ -111,7 +111,8 @@ mod tests {
         }
     }
 
-    /// Bytes behind a gap, a remark, and characters of other bytes stay.
+    /// A column stays if it has bytes behind a gap, a remark, or characters that do not match the
+    /// bytes.
     #[test]
     fn other_columns_stay() {
         for text in [

@@ -133,7 +133,7 @@ mod tests {
         }
     }
 
-    /// A column of unprintable characters, and words of other meaning.
+    /// A column of unprintable characters, and words with another meaning, do not mark cut bytes.
     #[test]
     fn other_text_is_no_mark() {
         for text in [

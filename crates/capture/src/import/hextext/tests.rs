@@ -248,7 +248,8 @@ fn times_that_go_backwards_are_noted_in_all_forms() {
     assert!(notes.contains("line 2, and at 1 more places"), "{notes}");
 }
 
-/// Half a second before a turn of the clock, and after it; lines that are a little late stay so.
+/// Lines half a second before the clock begins again, and after it. Lines that are a little late
+/// keep their time.
 #[test]
 fn a_clock_may_begin_again() {
     for (first, second) in [

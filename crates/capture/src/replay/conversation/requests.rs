@@ -290,8 +290,8 @@ mod tests {
         assert_eq!(lines.find(b"NO", millis(0), &all, cut), Found::Unfinished);
     }
 
-    /// Of three requests A, B and A, each has to be made, and three in all: the last A may be made
-    /// up for by another one.
+    /// Of the captured requests A, B and A, each kind has to be made, and three requests in all:
+    /// another request may take the place of the last A.
     #[test]
     fn requests_are_missing_until_as_many_were_made() {
         let all = exchanges(&["A", "B", "A"]);

@@ -236,7 +236,7 @@ mod tests {
         let (room, corner, _) = found(&pillar(at(1.0, 0.5), 2.0), Point::default());
         assert!((room - (2.0 - 1.25_f64.sqrt())).abs() < 1e-12, "{room}");
         assert!((corner.distance(at(1.0, 0.5)) - 1.25_f64.sqrt()).abs() < 1e-12);
-        // Halfway through the wall of the room: of 1.5 m, to the right.
+        // The room is moved to the left: its wall, at x = 1.5 m, cuts through the body.
         let (room, corner, surface) = found(&pillar(at(-0.5, 0.0), 2.0), Point::default());
         assert!((room - (2.0 - 7.25_f64.sqrt())).abs() < 1e-12, "{room}");
         assert!(corner.distance(at(2.0, 1.0)) < 1e-12);

@@ -427,8 +427,9 @@ fn goes(heading_rad: f64, from_m: f64, to_m: f64) -> (CarPose, [f64; 2]) {
     edges::next(&survey, &costs(&survey), pose, |_| true).expect("there are two edges")
 }
 
-/// An edge behind costs 12 m more: 1.6 m behind is as good as 13.6 m ahead. Halfway round it costs
-/// 6 m, at either side. An edge nearer than 1.5 m, which is 30 cells, costs 8 m more.
+/// An edge behind costs 12 m more: 1.6 m behind is as good as 13.6 m ahead. An edge at a right
+/// angle, to either side, costs 6 m more. An edge nearer than 1.5 m, which is 30 cells, costs 8 m
+/// more.
 #[test]
 fn an_edge_behind_or_too_near_costs_metres() {
     let is_ahead = |heading_rad, from_m, to_m| goes(heading_rad, from_m, to_m).1[0] > 0.0;

@@ -545,7 +545,7 @@ fn each_time_that_the_map_ends_is_told_once() {
     assert_eq!([count(1_500.0, 1_500.0), count(1_500.0, 10.0)], [2, 3]);
 }
 
-/// One message when the search turns into the drive home.
+/// One message is shown when the search ends and the drive home begins.
 #[test]
 fn that_nothing_is_left_is_told_once() {
     let mut robot = robot();

@@ -132,7 +132,7 @@ mod tests {
         }
         assert_eq!(time("[24ms] TX"), Some((24_000_000, "TX")));
         assert_eq!(time("2 min TX"), Some((120_000_000_000, "TX")));
-        // Nine digits of a fraction count.
+        // Only nine digits of a fraction count.
         assert_eq!(time("1.9999999999 ns TX"), Some((1, "TX")));
     }
 

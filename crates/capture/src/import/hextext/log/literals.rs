@@ -204,7 +204,8 @@ mod tests {
         ];
         assert_eq!(found(both), expected);
         assert_eq!(found("sent b'1' b'2'")[1], (b"2".to_vec(), Some(true)));
-        // The b of a word is no mark, nor is a literal without its end one.
+        // The letter b at the end of a word is no mark, and a literal without its closing quote is
+        // none.
         assert_eq!(found("ab'x' b'open \\q' b'"), []);
         assert_eq!(found("b'\u{e4}'"), []);
     }
@@ -224,7 +225,7 @@ mod tests {
         assert!(pieces("b'ab' [1, 2]", Forms::default()).is_empty());
     }
 
-    /// Lists are decimal if none of them has numbers as 0A or 05.
+    /// Lists are decimal if none of them has a number such as 0A or 05.
     #[test]
     fn lists_are_decimal_unless_one_is_hex() {
         let has = |texts: &[&str]| Forms::of(texts.iter().copied()).has_lists;
@@ -243,7 +244,7 @@ mod tests {
         );
     }
 
-    /// Digits alone in quotes may be digits.
+    /// A literal of digits alone may stand for digits, so it is not taken as bytes.
     #[test]
     fn a_literal_of_digits_is_none() {
         let literals = ["b'4142'", "b''", "b'xyz'", "b'4142' b'zz'", "no"].map(is_in);

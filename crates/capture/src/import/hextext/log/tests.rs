@@ -61,7 +61,8 @@ fn logs_of_programs_are_read_with_their_directions() {
     );
 }
 
-/// Bytes that the log cuts, and bytes without a direction among others, are errors with their line.
+/// Bytes that the log cuts, and bytes without a direction among others, are errors that name their
+/// line.
 #[test]
 fn what_a_log_does_not_say_is_an_error() {
     let error = |text: &str| {
@@ -258,7 +259,7 @@ fn days_without_a_year_count() {
     assert!(notes.contains("line 2 has no time"), "{notes}");
 }
 
-/// Half a second before midnight, and after it; 1:05:02 in the afternoon.
+/// Lines half a second before midnight and after it, and one at 1:05:02 in the afternoon.
 #[test]
 fn a_clock_of_twelve_hours_may_have_a_date() {
     let at = |text: &str| prefix::split(text).0.at.expect("a time").0 / 1_000_000;

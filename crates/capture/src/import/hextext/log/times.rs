@@ -86,7 +86,7 @@ fn zone_len(bytes: &[u8]) -> usize {
 mod tests {
     use super::*;
 
-    /// Masked characters as stars.
+    /// The text with its masked characters replaced by stars.
     fn stars(text: &str) -> String {
         masked(text).replace(MASK, "*")
     }
@@ -116,7 +116,8 @@ mod tests {
         assert_eq!(stars("07:58:48.5 x 07:58:49.5"), "********** x **********");
     }
 
-    /// Three pairs may be bytes, and so may digits behind a letter, or before another sign.
+    /// Three pairs of digits may be bytes. Digits behind a letter, or before another sign, may be
+    /// bytes as well.
     #[test]
     fn what_may_be_bytes_is_not_masked() {
         for text in [
