@@ -524,7 +524,8 @@ mod tests {
         assert!((mean(2, weight).to_degrees() - 2.0).abs() < 1e-3);
     }
 
-    /// The report's weights: the cell, the four at its edges, the four at its corners.
+    /// The report's weights: one for the cell, one for the four cells at its edges, one for the
+    /// four at its corners.
     #[test]
     fn d2_votes_of_360_headings_are_worth_less_beside_their_cell() {
         assert_eq!(HEADINGS, 360);

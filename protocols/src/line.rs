@@ -197,7 +197,7 @@ mod tests {
         let at = |baud| sender.agrees_with(LineConfig::new_8n1(baud));
         assert!(at(96_000) && at(96_960) && at(95_040));
         assert!(!at(96_961) && !at(95_039));
-        // The share is of the sender's rate.
+        // The allowed share is one of the sender's rate.
         assert!(!LineConfig::new_8n1(95_040).agrees_with(sender));
     }
 

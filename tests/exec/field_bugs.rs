@@ -117,7 +117,7 @@ fn a_crash_in_the_field_becomes_a_small_case() {
             "{said}"
         );
     }
-    // What was played is a capture again, of both kinds of time.
+    // A replay leaves a capture as well, in virtual and in real time.
     for words in [&["--virtual"][..], &[]] {
         let exec = exec("0.1 sound 3");
         let (code, said) = bench.hilrig(&[&replay[..], &["--exec", &exec], words].concat());

@@ -81,9 +81,9 @@ sys.exit(5)
 }
 
 /// A query right after opening shows the effect of opening: the lines are on, and a line that was
-/// cleared at once stays off. The rig may be anywhere in its cycle then, so one try could succeed
-/// by luck. A client that closes and reopens a port faster than the rig polls it has switched the
-/// lines off and on nevertheless.
+/// cleared at once stays off. The rig may be anywhere in its cycle then, so a single try could
+/// succeed by luck. A client that closes and reopens a port faster than the rig polls it has
+/// switched the lines off and on nevertheless.
 #[test]
 fn lines_are_up_for_who_asks_right_after_opening() {
     let program = "\

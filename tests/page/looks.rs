@@ -139,7 +139,8 @@ fn devices_without_a_robot_show_requests_and_replies() {
         json!([["reply time meter", 14], ["reply time sonar", 8]])
     );
     assert_named(&browser);
-    // The past has fewer requests, and a jump from a request goes there.
+    // The button of a request jumps to its time. The page then shows that past state, with fewer
+    // requests.
     browser.value("(document.querySelector('#exchanges tr:nth-child(2) button').click(), true)");
     browser.wait("hilrig.past && document.querySelectorAll('#exchanges tr').length < 4");
     for size in SIZES {
@@ -246,7 +247,7 @@ fn waypoints_are_told_apart_and_marked_under_the_pointer() {
 }
 
 /// Each thing has only one name on the page, and no part of the page must be found by scrolling.
-/// All rows of the wires are in sight, and the button of a fault is, for each kind.
+/// All rows of the wires are in sight, and so is the button of each kind of fault.
 #[test]
 fn a_robots_page_has_one_name_for_each_thing_and_hides_nothing() {
     let server = Server::start(&[&endless("rescue-flat", "fold"), "--paused"]);

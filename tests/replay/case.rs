@@ -360,7 +360,8 @@ fn a_dump_of_one_direction_becomes_a_case_of_its_decoder() {
         text.contains(" BAD 22 bytes ") && text.contains("checksum"),
         "{text}"
     );
-    // Another decoder from the expectation's view: it finds other words, or another cause.
+    // A changed expectation has the same effect as another decoder, which finds other words or
+    // another cause.
     let other = text.replacen(" rpm, from 8 deg: ", " rpm, from 9 deg: ", 1);
     assert_ne!(other, text);
     fs::write(folder.join("d.toml"), other).expect("writable");

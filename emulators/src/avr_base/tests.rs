@@ -30,7 +30,7 @@ struct Bench {
     now: Instant,
     /// Bytes that the base sent, with the time at which each was ready.
     sent: Vec<(Instant, u8)>,
-    /// From the end of the last request to the first byte of the answer.
+    /// Time from the end of the last request to the first byte of the answer.
     latency: Option<Duration>,
 }
 

@@ -228,8 +228,8 @@ fn a_restored_3_0_module_is_as_shipped() {
     assert_eq!(bench.radio.line_config(Hc06::UART).baud, 9_600);
 }
 
-/// The silence counts from the end of a command, not from its beginning: 0.5 s from beginning to
-/// beginning make one text of two commands.
+/// The silence counts from the end of a command, not from its beginning: if two commands begin 0.5
+/// s apart, they are one text.
 #[test]
 fn half_a_second_between_two_beginnings_is_too_short() {
     let mut bench = Bench::new(Profile::default());

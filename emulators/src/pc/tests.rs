@@ -176,7 +176,8 @@ fn waypoints_that_do_not_come_back_are_sent_five_times() {
     );
 }
 
-/// A wrong echo does not count, a right one with other numbers does: the robot renumbers.
+/// An echo with wrong positions does not count. One with other numbers does, because the robot
+/// renumbers the waypoints.
 #[test]
 fn only_the_same_positions_confirm_waypoints() {
     let mut desk = Desk::new(Script::mission(vec![[100, 200], [3, 4]]).expect("two waypoints"));

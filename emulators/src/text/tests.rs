@@ -150,8 +150,8 @@ fn descriptions_that_contradict_themselves_are_refused() {
     assert!(fault("", "").is_some());
 }
 
-/// 10 mm/s a count: 42 are 0.42 m/s. The car receives it in the poll after the line. After 500 ms
-/// of silence it is ordered to stand.
+/// A count is 10 mm/s, so 42 counts are 0.42 m/s. The car receives the order in the poll after the
+/// line. After 500 ms of silence it is ordered to stand.
 #[test]
 fn a_variable_that_is_set_drives_its_actuator() {
     let mut config = config();

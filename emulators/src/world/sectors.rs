@@ -350,7 +350,7 @@ mod tests {
         prop_oneof![3 => wall, 1 => circle]
     }
 
-    /// Directions along the lattice, along edges of sectors, and any.
+    /// Directions along the lattice, along the edges of sectors, and any others.
     fn angle() -> impl Strategy<Value = f64> {
         let edge = TAU / SECTORS as f64;
         prop_oneof![

@@ -176,9 +176,9 @@ fn wheels_against_each_other_turn_the_robot_on_the_spot() {
     assert!(close(world.pose().x, 0.0, 1e-9) && close(world.pose().y, 0.0, 1e-9));
 }
 
-/// Left at 175 mm/s (drive 147.5 of 255, so 40 + 215/2 cannot be set exactly: the ratio is taken
-/// from the speeds themselves), right at 350 mm/s: radius = axle / 2 * (vr + vl) / (vr - vl), to
-/// the left.
+/// The left wheel turns at about 175 mm/s, the right one at 350 mm/s. The radius of the circle to
+/// the left is axle / 2 * (vr + vl) / (vr - vl). The drive for 175 mm/s, 40 + 215/2 = 147.5 of 255,
+/// cannot be set exactly, so the ratio is taken from the speeds themselves.
 #[test]
 fn unequal_wheels_drive_a_circle_of_the_right_radius() {
     let mut world = open_floor();

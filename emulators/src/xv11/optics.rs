@@ -187,8 +187,9 @@ mod tests {
         assert!((rounded(527.0) - 0.45).abs() < 0.3 * 0.45);
     }
 
-    /// The law of a sensor with firmware 2.1, by second differences of its captures where the wall
-    /// faces the sensor, within a fifth. The law of 2.4 has less than half of it at 225 mm.
+    /// The noise law for firmware 2.1 agrees within a fifth with the noise of its captures, which
+    /// is measured by second differences where the wall faces the sensor. At 225 mm the law for 2.4
+    /// gives less than half of that.
     #[test]
     fn f9_the_noise_of_2_1_is_its_own() {
         let [own, other] = [Profile::Fw21, Profile::Fw24]

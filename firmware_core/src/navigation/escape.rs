@@ -193,8 +193,8 @@ mod tests {
         assert_eq!(far, (0.0, 1_000.0));
     }
 
-    /// Walls 190 mm to both sides, and one ahead: no direction keeps the body's 205 mm. At the
-    /// distance of the walls, the direction back is free.
+    /// Walls 190 mm to both sides, and one ahead: no direction keeps the 205 mm that the body
+    /// needs. If the distance of the walls is allowed, the direction back is free.
     #[test]
     fn where_it_is_too_narrow_everywhere_the_robot_leaves_along_the_walls() {
         let side = |y: f32| (-100..=30_i8).map(move |n| Point::new(f32::from(n) * 10.0, y));

@@ -236,8 +236,9 @@ fn guesses_are_counted_in_boxes() {
     }
 }
 
-/// By hand: the mean of the first two is 0.5 * 0.1 + 0.3 * 0.3 over 0.8, their deviations are 0.075
-/// and 0.125; a guess in the neighbouring box is in their cluster, one two boxes away is not.
+/// By hand: the mean of the first two guesses is (0.5 * 0.1 + 0.3 * 0.3) / 0.8, and they differ
+/// from it by 0.075 and 0.125. A guess in the neighbouring box is in their cluster, one two boxes
+/// away is not.
 #[test]
 fn the_estimate_is_the_mean_of_the_heaviest_heap() {
     let heap = [(pose(0.1, 0.1, 0.0), 0.5), (pose(0.3, 0.1, 0.1), 0.3)];

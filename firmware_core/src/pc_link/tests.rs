@@ -252,8 +252,8 @@ fn rows_go_round_and_stop_while_the_queue_is_long() {
     assert_eq!(link.row_at, at(0));
 }
 
-/// Half a list, and the other half 60 ms later: the link keeps the first half. After 100 ms it does
-/// not.
+/// Half a list arrives, and the other half 60 ms later: the link keeps the first half until then.
+/// After 100 ms it does not.
 #[test]
 fn half_a_frame_waits_for_its_rest() {
     let list = b"PCUI_MSG\x02\x00\x00\x00\x00\x00LWP\x00\x00";

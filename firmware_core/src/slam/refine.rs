@@ -309,7 +309,7 @@ mod tests {
         }
         let mut points = EndPoints::EMPTY;
         let scan = (0..180).filter_map(|index| end(bearing(index, 2.0), in_corridor));
-        // The scan ends before the map's walls do, so the map has no visible ends either.
+        // The scan ends nearer than the map's walls do, so it does not see any end of a wall.
         points.set(
             scan.filter(|point| point.distance_mm(Point::default()) < 380.0),
             CELL_MM,

@@ -322,9 +322,9 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(8 * ProptestConfig::default().cases))]
-        /// Every cell against the plain rule in double precision: the cell's middle along the long
-        /// axis lies on the beam, and its row is the beam's row there. Beams that pass a border of
-        /// two rows within a hundredth of a cell may choose either row.
+        /// Every drawn cell is compared with the plain rule in double precision: the cell's middle
+        /// along the long axis lies on the beam, and its row is the beam's row there. Beams that
+        /// pass a border of two rows within a hundredth of a cell may choose either row.
         #[test]
         fn beams_draw_the_cells_that_they_cross(
             fx in -5.0_f32..45.0, fy in -5.0_f32..35.0,

@@ -138,7 +138,7 @@ fn rows(bench: &Bench, scan: &mut VirtualPort) -> Vec<Option<usize>> {
     rows
 }
 
-/// 30 rows a second with all columns; each fault makes something else of them.
+/// The camera sends 30 rows a second with all columns; each fault changes the rows in its own way.
 #[test]
 fn a_camera_by_itself_sends_30_rows_a_second_and_its_faults_others() {
     type Expected = fn(&[Option<usize>]) -> bool;

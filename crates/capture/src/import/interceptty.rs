@@ -166,7 +166,7 @@ mod tests {
         assert_eq!(told(text), expected);
     }
 
-    /// With -T and -e: 07:58:50.596918 is 28,730,596,918 us after midnight.
+    /// The output with -T and -e: 07:58:50.596918 is 28,730,596,918 us after midnight.
     #[test]
     fn times_and_lines_are_read() {
         let text = "# Using '[LF]' as end of line char\n\

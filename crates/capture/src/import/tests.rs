@@ -171,7 +171,7 @@ fn blocks_of_jpnevulator_name_their_port() {
     assert!(told(seventeen, Format::Jpnevulator, &own).is_err());
 }
 
-/// Sixteen bytes a record, the last of which has just ended.
+/// Each record has sixteen bytes; its time is the end of the last one.
 #[test]
 fn bytes_alone_take_the_time_of_their_line() {
     let own = options(Some(10_000), None);

@@ -99,7 +99,8 @@ mod tests {
         unpacked.map(Cow::into_owned).map_err(|error| error.message)
     }
 
-    /// A zip file with one dump, also with another file that is none, also inside another archive.
+    /// A zip file with one dump is read, also if it has another file that is no dump, and also
+    /// inside another archive.
     #[test]
     fn one_dump_in_an_archive_is_read() {
         let dump = b"AB 24 0A 00 D9\n";

@@ -156,7 +156,7 @@ fn a_dark_sensor_sends_invalid_nodes() {
     });
 }
 
-/// LD108: laser power is watched.
+/// Manual LD108: the sensor watches the power of its laser.
 #[test]
 fn a_failed_laser_is_a_protection_stop() {
     shows(Fault::LaserOff, |bench| {

@@ -634,7 +634,8 @@ mod tests {
             (&square, pushed(-600.0, 0.0), [-0.35, 0.0], 0.245 / 0.6),
             (&square, pushed(0.0, 600.0), [0.0, 0.35], 0.245 / 0.6),
             (&square, pushed(0.0, -600.0), [0.0, -0.35], 0.245 / 0.6),
-            // The bar's side is 1 cm from its middle and the post's rim 5 mm: 15 mm at 0.4 m.
+            // The bar's side is 1 cm from its middle, the post's rim 5 mm from its own middle: they
+            // touch when 15 mm are left, at a radius of 0.4 m.
             (&bar, turning, [0.4 * cos, 0.4 * sin], 0.5 - 0.037_51),
         ] {
             let mut step = Step::new(footprint, Pose::default());

@@ -378,9 +378,9 @@ mod tests {
         }
     }
 
-    /// The scan keeps its angle while the speed wanders: over 1,000 teeth the head is at the angle
-    /// of a tooth's edge within five deviations of the edge's jitter, 0.0022 degrees. The motor's
-    /// shaft, without the advance of belt and gear, is not.
+    /// The scan keeps its angle while the speed wanders. Over 1,000 teeth, the head is at the angle
+    /// of each tooth's edge, within five deviations of the edge's jitter of 0.0022 degrees. The
+    /// motor's shaft is not, because belt and gear advance the head.
     #[test]
     fn f8_teeth_stay_in_place_while_the_speed_wanders() {
         let scene = Scene::new::<Shape>([], vec![]).expect("empty");
@@ -442,9 +442,9 @@ mod tests {
         assert!((rpm(1.0 / 75.0) - 300.0).abs() < 1e-9 && (rpm(0.02) - 200.0).abs() < 1e-9);
     }
 
-    /// 3 % more or less than the tooth before is uneven; A tooth of 100 / 8192 s is 327.7 rpm, and
-    /// 3 / 8192 s are exactly 3 % of it. A tooth slower than 185 rpm, longer than 4 / 185 s, does
-    /// not count.
+    /// A tooth is uneven if it differs by 3 % from the tooth before. A tooth of 100 / 8192 s is
+    /// 327.7 rpm, and 3 / 8192 s are exactly 3 % of it. A tooth slower than 185 rpm, longer than 4
+    /// / 185 s, does not count.
     #[test]
     fn a_tooth_counts_if_it_is_even_and_not_slow() {
         let part = |of_8192: f64| of_8192 / 8192.0;

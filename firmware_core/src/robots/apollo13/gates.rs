@@ -473,7 +473,8 @@ mod tests {
                 assert!(off < 1e-4, "{place:?}");
                 assert!((place.heading_rad - diagonal).abs() < 1e-9);
             }
-            // From behind, beside the axis: the passage leads back along the same line.
+            // For a car behind the gate, beside its axis, the passage leads back along the same
+            // line.
             let from = CarPose {
                 x_m: 4.0,
                 y_m: 3.0,

@@ -249,7 +249,7 @@ mod tests {
         assert_eq!(moves.step(here(1.014), true), None);
     }
 
-    /// From -3 to 3 rad it is 0.283 rad in the shorter direction, and 6 in the other.
+    /// The turn from -3 to 3 rad is 0.283 rad in the shorter direction, and 6 rad in the other.
     #[test]
     fn the_last_turn_may_go_the_long_way() {
         let turned = |turns_the_long_way| {

@@ -269,8 +269,8 @@ mod tests {
         assert!(!ends([0.2, 0.14, 0.14]) && !ends([0.21, 0.12, 0.14]) && !ends([0.21, 0.14, 0.12]));
     }
 
-    /// Straight before a wall, nearer than 0.16 m, with equal room on both sides, the law would
-    /// stop: the robot turns at once, to the left.
+    /// Nearer than 0.16 m to a wall straight ahead, with equal room on both sides, the law would
+    /// stop the robot. So the robot turns to the left at once.
     #[test]
     fn straight_before_a_wall_it_turns() {
         let mut law = law();

@@ -221,7 +221,8 @@ fn times_with_a_plus_sign_are_pauses_if_they_do_not_increase() {
     assert!(notes.contains("since the start"), "{notes}");
 }
 
-/// The clock was set back, or the lines are out of order: counted, with the first line.
+/// If the clock was set back, or the lines are out of order, a note counts these lines and names
+/// the first one.
 #[test]
 fn times_that_go_backwards_are_noted_in_all_forms() {
     for text in [

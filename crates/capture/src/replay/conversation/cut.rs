@@ -411,7 +411,7 @@ mod tests {
         for (short, long, longer) in [
             (&slip[..], &escaped[..], &[7][..]),
             (b"\x01\x06abcd", b"\x01\x06abcdefg", &[3, 7, 11]),
-            // Binary with a marker at the end only.
+            // Binary messages with a marker at the end only.
             (b"\x01\x06ab\x00", b"\x01\x06abcd\x00", &[7]),
         ] {
             let pieces = pieces(short, long, longer);

@@ -113,8 +113,9 @@ impl Mapper {
 mod tests {
     use super::*;
 
-    /// A map known to 1 m: the odometry 10 m away is worse. 1.9 m away it may have an error of
-    /// 0.9 m where the map has 1 m; 1.92 m away it has at least 0.92 m, more than 1 m / 1.1.
+    /// The map has an error of at most 1 m. The odometry 10 m away from it is worse. At 1.9 m its
+    /// error may be only 0.9 m, so the map may be worse. At 1.92 m the odometry's error is at least
+    /// 0.92 m, more than 1 m / 1.1.
     #[test]
     fn a_map_near_the_odometry_may_be_worse() {
         for (from_wheels_m, may_be) in [

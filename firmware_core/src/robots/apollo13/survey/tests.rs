@@ -74,7 +74,8 @@ fn the_edge_ahead_is_gone_to() {
         "{goal:?}"
     );
     assert!(goal.heading_rad.abs() < 0.3 && !survey.is_complete());
-    // On the drive to it, the goal stays the same; another time, any heading is accepted.
+    // On the drive to the edge the goal stays the same. If the edge is chosen again later, any
+    // heading is accepted.
     let mut again = |is_under_way| survey.next(&map, at(-0.3), is_under_way, |_| true);
     assert_eq!(again(true), Choice::Stay);
     assert_eq!(again(false), Choice::Go(goal));
