@@ -473,8 +473,8 @@ fn saleaes_two_tables_are_imported() {
     assert_eq!(records(new), expected);
 }
 
-/// The fraction is microseconds, padded to nine digits, as known gaps show. 1,795,247,928 s after
-/// the epoch, by `date -u`.
+/// The fraction is microseconds, padded to nine digits, as known gaps show. The dump begins
+/// 1,795,247,928 s after the epoch, by `date -u`.
 #[test]
 fn socats_fraction_is_microseconds() {
     let text = "2026/11/21 07:58:48 socat[7] N starting data transfer loop\n\

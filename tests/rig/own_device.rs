@@ -396,7 +396,7 @@ fn a_name_that_no_value_has_is_refused_in_every_condition() {
     }
     let misspelt = error("event = { rule = \"heats-unaskd\", source = \"heater\" }");
     assert!(misspelt.is_some_and(|error| error.contains("rule: is \"heats-unaskd\"")));
-    // Values that would never be, and damage that changes nothing.
+    // Values that the device never has, and damage that changes nothing, are refused.
     for (from, to, words) in [
         (
             "initial = 0, enum",

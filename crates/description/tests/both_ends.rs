@@ -354,8 +354,9 @@ fn a_length_can_stand_twice() {
     assert_eq!(found(&other), 0);
 }
 
-/// A length in some bits of a field, of one byte and of two: the other bits are the message's. The
-/// frames are worked out by hand: 55, the field, the tag, for the reply 07, and the sum of all.
+/// The length is in some bits of a field of one byte, or of two; the other bits belong to the
+/// message. Frames worked out by hand have 55, the field, the tag, in the reply 07, and the sum of
+/// all.
 #[test]
 fn a_length_may_share_its_field_with_the_message() {
     for (kind, mask, values, ask, tell) in [

@@ -529,8 +529,8 @@ mod tests {
     }
 
     /// The first byte is in the ring after 5 us of work and on the line 2.6 us later. The next
-    /// bytes follow every 10 us. The last one, the sum, is in the ring after 1.5 + 2.0 + 4.9 us
-    /// more, and the receiver listens after 1.4 us more.
+    /// bytes follow every 10 us. The last byte, the checksum, is in the ring 1.5 + 2.0 + 4.9 us
+    /// after the first byte went out, and the receiver listens 1.4 us later.
     #[test]
     fn a_reply_goes_out_at_the_pace_of_the_line() {
         let mut cpu = cpu(0);

@@ -237,7 +237,8 @@ fn a_break_is_a_nul_or_a_reset() {
     assert_eq!(rules(&mut slave), ["board-reset"]);
 }
 
-/// On while the value is not 0, reported once each time; off while the board starts.
+/// The line is on while the value is not 0, and each change is reported once. It is off while the
+/// board starts.
 #[test]
 fn a_modem_line_follows_a_value() {
     let mut slave = on_board(ResetOn::Break);
@@ -325,7 +326,7 @@ fn a_board_that_starts_anew_begins_its_periods_when_it_is_up() {
     assert_eq!(first, Some(2_700));
 }
 
-/// Reset at 1 s a board receives again from 2.6 s on.
+/// A board that is reset at 1 s receives again from 2.6 s on.
 #[test]
 fn a_board_hears_from_the_moment_that_it_is_up() {
     for (millis, heard) in [(2_599, ""), (2_600, "ready\r\nX 1000\r\n")] {

@@ -380,7 +380,7 @@ fn a_short_way_on_is_better_than_a_long_one_back() {
     }
 }
 
-/// 10 mm nearer are no progress, more are.
+/// A goal that is 10 mm nearer is no progress, one that is more than 10 mm nearer is.
 #[test]
 fn progress_is_more_than_ten_millimetres() {
     let mut navigator = Navigator::new(Settings::new(BODY));

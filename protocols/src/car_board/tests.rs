@@ -143,8 +143,8 @@ const TWOFOLD: Readings = Readings {
     battery_mv: 0x1C01,
 };
 
-/// The frame's first byte is lost. The next frame shows the error: it does not begin at the wrong
-/// end.
+/// The frame's first byte is lost. The next frame shows the error, because it does not begin where
+/// the decoder expects the end.
 #[test]
 fn the_next_frame_tells_where_the_one_before_ended() {
     let (twofold, other) = (TWOFOLD.encode(), VECTOR_READINGS.encode());
@@ -174,8 +174,8 @@ fn a_pause_tells_where_frames_begin() {
     assert_eq!(found, [frame; 3]);
 }
 
-/// 1101 cm, a line of 2, and voltages outside the band are rejected; values at the limits are
-/// accepted.
+/// A range of 1101 cm, a line byte of 2, and voltages outside the band are rejected; values at the
+/// limits are accepted.
 #[test]
 fn values_that_no_sensor_has_are_rejected_with_their_place() {
     let good = Readings {

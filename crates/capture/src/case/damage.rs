@@ -392,7 +392,8 @@ mod tests {
     }
 
     /// A retry has the next number in the first program, and the same number in the second one. A
-    /// damaged reply costs a repetition more. A program that takes the damaged reply repeats less.
+    /// damaged reply costs one more repetition. A program that takes the damaged reply repeats
+    /// less.
     #[test]
     fn a_repetition_with_another_number_is_the_same_request() {
         let late = Duration::from_millis(150);

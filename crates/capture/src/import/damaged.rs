@@ -217,7 +217,7 @@ mod tests {
         }
         // Numbers without leading zeros are whole.
         assert_eq!(told("0A 1 2B\n0B 11 2\n0A 1 2B\n").2, [""; 0]);
-        // So is the offset behind a dump, of hexdump and od.
+        // The offset at the end of a dump of hexdump or od is whole, too.
         for dump in [
             "0000000 0201 0403\n0000004 0005\n0000005\n",
             "0000000 001 002\n0000002\n",

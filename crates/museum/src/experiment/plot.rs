@@ -270,7 +270,7 @@ mod tests {
         );
     }
 
-    /// The picture is 720 by 420: 0 lies at 70, 370 and the largest value at 550, 40.
+    /// The picture has 720 by 420 pixels: 0 lies at (70, 370) and the largest value at (550, 40).
     #[test]
     fn a_curve_goes_from_corner_to_corner() {
         let places = [[0.0, 0.0], [f64::NAN, 1.0], [10.0, 5.0]];

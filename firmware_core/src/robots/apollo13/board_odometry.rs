@@ -160,7 +160,7 @@ mod tests {
     #[test]
     fn a_car_rolls_out_while_its_board_starts() {
         for (stands, expected_m) in [(0, 0.0486), (40, 0.0)] {
-            // 7 pulses in 12 frames.
+            // The car makes 7 pulses in 12 frames.
             let pulses = |frame: u16| frame * 7 / 12;
             let mut board = BoardOdometry::default();
             let (level, steering) = (2, 8);

@@ -25,8 +25,8 @@ const PORTS: [Port; 4] = [
     Yellow::TELEMETRY,
 ];
 
-/// The motor's duty, 0.6 of 255, goes out once, a request for a scan a second later; the board
-/// gets six bytes or so for each sample.
+/// The motor's duty, 0.6 of 255, is sent once, and a request for a scan a second later. The board
+/// gets about six bytes for each sample.
 #[test]
 fn each_port_has_its_own_output() {
     let mut robot = robot();

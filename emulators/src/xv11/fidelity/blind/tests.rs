@@ -52,7 +52,7 @@ fn noisy(turns: &mut [Turn], mm: f64, root: f64) {
     }
 }
 
-/// Half of the slots more are skipped.
+/// Half as many slots again are skipped.
 fn more_skipped(turns: &mut [Turn]) {
     for (degree, reading) in turns
         .iter_mut()

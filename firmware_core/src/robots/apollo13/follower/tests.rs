@@ -275,7 +275,8 @@ fn a_way_that_comes_back_to_its_beginning_is_driven_to_its_end() {
     assert_eq!(follower.step(poses[36]), Step::Arrived);
 }
 
-/// 40 cm beside a path is not yet lost, nor is 30 cm and 0.3 rad off its end.
+/// A car 40 cm beside its path has not lost it yet. A car 30 cm and 0.3 rad off the end has reached
+/// it.
 #[test]
 fn what_is_as_far_off_as_may_be_is_not_lost() {
     let beside = |y_m: f64, heading_rad: f64| {

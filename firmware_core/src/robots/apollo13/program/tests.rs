@@ -156,7 +156,7 @@ impl<'a> Car<'a> {
                 front_cm: cm(front),
                 right_cm: cm(side(-core::f64::consts::FRAC_PI_2)),
                 left_cm: cm(side(core::f64::consts::FRAC_PI_2)),
-                // A pulse each 25.13 mm.
+                // The board counts a pulse each 25.13 mm.
                 hall: (self.travel / 0.02513) as u16,
                 battery_mv: 7_400,
                 ..car_board::Readings::default()

@@ -60,8 +60,8 @@ fn what_has_no_neighbours_stays_where_it_is() {
     // A point at 2 m and 0.1 rad is 1.990 m ahead, 0.1997 to the left.
     assert!((places[0].at[0] - 1.990).abs() < 1e-3 && (places[0].at[1] - 0.1997).abs() < 1e-3);
     assert!(places.iter().all(|it| it.along.is_none()));
-    // The deviation is 4 mm and 1.5 mm times the square of the depth, 1.990 m; the second depth is
-    // 0.995 m.
+    // The deviation is 4 mm plus 1.5 mm times the square of the depth in metres, here 1.990; the
+    // second depth is 0.995.
     assert!((places[0].sigma - 0.009_94).abs() < 1e-5);
     assert!((places[1].sigma - 0.005_485).abs() < 1e-5);
     assert!(sightings(core::iter::empty(), 9.0).is_empty());
