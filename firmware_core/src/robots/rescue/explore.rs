@@ -568,7 +568,7 @@ mod tests {
         explore
     }
 
-    /// A robot that stays within 300 mm may do so for 75 scans; with the 76th it gives up. A robot
+    /// A robot may stay within 300 mm for 75 scans; with the 76th it gives up. A robot
     /// that has moved farther continues.
     #[test]
     fn who_shuffles_before_a_view_for_15_seconds_gives_it_up() {
