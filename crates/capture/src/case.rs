@@ -458,7 +458,8 @@ mod tests {
         track
     }
 
-    /// Ten chunks or more, and no pause longer than a second.
+    /// A program talks all the time if it sends ten chunks or more, with no pause longer than a
+    /// second.
     #[test]
     fn who_talks_all_the_time_talks_ten_times_and_never_pauses_for_longer_than_a_second() {
         assert!(talks(&track((0..10).map(|piece| piece * 1000))));

@@ -267,9 +267,10 @@ mod tests {
         assert_eq!(gap([((11, 20), 0), ((9, 20), 0)]), UNKNOWN);
     }
 
-    /// 64 points, half of which agree at the first pose: at the second pose less than half as many,
-    /// a quarter of all, may disagree. 24 known points tell something, 23 do not; 35 points are a
-    /// handful; 8 more must agree.
+    /// Of 64 points half disagree at the first pose. The second pose outweighs it if less than half
+    /// as many, less than a quarter of all, disagree there. It also needs 24 known points, 23 are
+    /// too few, and more than 35 points in all. Its agreeing less its disagreeing points must be 8
+    /// more than at the first pose.
     #[test]
     fn a_place_outweighs_another_by_half_of_its_disagreement() {
         let here = evidence(32, 32, 64);

@@ -280,8 +280,8 @@ mod tests {
     }
 
     /// A difference of ten bits cannot hold a wall of 3 m before one of 12 m, so one sample at each
-    /// edge is lost. A first sample without measurement borrows the next one's: nor could it hold 3
-    /// m from 0.
+    /// edge is lost. A first sample without measurement takes the next one's distance, because a
+    /// difference could not hold the step from 0 to 3 m either.
     #[test]
     fn what_a_difference_cannot_hold_is_no_measurement() {
         let mut samples = [3_000; ULTRA_SAMPLES];

@@ -167,8 +167,8 @@ mod tests {
         times.filter(opened).collect()
     }
 
-    /// The odometer is silent from 1 s on: noticed after 250 ms, reopened 1.2 s later, three times
-    /// every 4 s, and again after half a minute.
+    /// The odometer is silent from 1 s on: this is noticed after 250 ms. The port is reopened 1.2 s
+    /// later, in all three times every 4 s, and again after half a minute.
     #[test]
     fn a_silent_odometer_is_opened_three_times_and_then_done_without() {
         let mut watch = OdometerWatch::default();

@@ -275,8 +275,8 @@ mod tests {
         }
     }
 
-    /// Steered by 0.15 rad over 0.31 m: a gyroscope that reports no turn is doubted, one that
-    /// reports 0.05 rad is not, because the linkage may have that error. A board that is reset
+    /// The car is steered by 0.15 rad over 0.31 m. A gyroscope that reports no turn is doubted, one
+    /// that reports 0.05 rad is not, because the linkage may have that error. A board that is reset
     /// meanwhile changes nothing.
     #[test]
     fn a_gyroscope_that_stands_still_in_a_turn_is_doubted() {
