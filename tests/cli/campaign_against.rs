@@ -161,8 +161,8 @@ fn a_campaign_is_compared_and_keeps_its_exit_code() {
     }
 }
 
-/// The error comes before the first run, not after a night; a single shard has too few runs to
-/// compare.
+/// The error is reported before the first run, not at the end of a long campaign; a single shard
+/// has too few runs to compare.
 #[test]
 fn what_cannot_be_compared_is_refused_at_once() {
     let session = Session::new("against-refused");

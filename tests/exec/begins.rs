@@ -30,8 +30,8 @@ thread.join()
 time.sleep(0.05)
 ";
 
-/// When each byte arrives after the first, by hand: a byte leaves when it is written and the line
-/// is free. A time that the program printed is that of the call behind the write.
+/// Expected arrival of each byte after the first, by hand: a byte leaves when it is written and the
+/// line is free. The program prints a time that it reads in the call after the write.
 fn expected(ended: &Ended) -> Vec<(char, u64)> {
     let lines = ended.log.lines().filter_map(|line| line.split_once(' '));
     let writes = lines.map(|(letter, at)| (letter, at.parse::<u64>().expect("nanoseconds")));

@@ -226,7 +226,8 @@ mod tests {
         }
     }
 
-    /// A line of another kind costs itself alone, in each form of lines.
+    /// In each form of lines, a line of another kind is left out alone: the lines around it are
+    /// read.
     #[test]
     fn a_line_that_cannot_be_read_is_left_out_and_counted() {
         let hex = "TX: AB 24\nRX: 0A 0B\n";

@@ -201,8 +201,8 @@ mod tests {
         }
     }
 
-    /// Loops around a path as long as the one after which half of a bend is applied leave half of
-    /// the deviation.
+    /// Half of a bend is applied after a path of a certain length. Loops that close a path of that
+    /// length leave half of the deviation.
     #[test]
     fn loops_leave_less_of_the_bend_open() {
         let unsure = |way_m: f64| {

@@ -320,8 +320,9 @@ mod tests {
         assert_eq!(car.pilot.path(), through(passage));
     }
 
-    /// On its way through the gate the car sees the markers 8 cm beside their places, then 20 cm:
-    /// it aims again. Behind the markers it keeps its path, and so it does on its way to the gate.
+    /// On its way through the gate the car sees the markers 8 cm beside their places, which changes
+    /// nothing, then 20 cm: it aims again. Behind the markers it keeps its path, and so it does on
+    /// its way to the gate.
     #[test]
     fn a_gate_that_is_seen_elsewhere_is_aimed_at_again() {
         let see = |car: &mut Apollo13, y_m: f64| {
