@@ -591,4 +591,32 @@ mod tests {
         assert!(said.starts_with("PASS x\n  note\n  ok   one "), "{said}");
         assert!(judgement(&[]).to_string().starts_with("FAIL x\n"));
     }
+
+    /// A case of devices, or of a foreign program without a built-in one, needs a program; a case
+    /// of decoders alone does not.
+    #[test]
+    fn a_case_without_a_built_in_program_needs_one() {
+        let run = |text: &str| {
+            let path = Path::new("x.toml");
+            let (case, source) = Case::parse(path, text.to_owned()).expect("sound");
+            case.run(&source).map_err(|error| error.to_string())
+        };
+        let needs = "x.toml: is of a program of your own, expected --exec CMD";
+        let top = |line: &str| LEAST.replace("end_ns = 7\n", &format!("end_ns = 7\n{line}\n"));
+        assert_eq!(run(&top("foreign = true")).err().as_deref(), Some(needs));
+        let robot = "[scenario]\nschema = 1\nname = \"s\"\nrobot = \"none\"\nduration = \"1s\"\n\
+                     device.meter = { description = \"gps\" }\n";
+        let foreign = format!("{}{robot}", top("foreign = true"));
+        assert_eq!(run(&foreign).err().as_deref(), Some(needs));
+        let devices = format!("{}{robot}", top("foreign = true\nplay = \"devices\""));
+        assert_eq!(run(&devices).err().as_deref(), Some(needs));
+        let plain = run(LEAST).expect("no program is needed");
+        assert_eq!(
+            (plain.checks.len(), plain.ran),
+            (0, Duration::from_nanos(7))
+        );
+        let named = format!("{LEAST}exits = 0\n");
+        let error = run(&named).expect_err("no robot");
+        assert!(error.contains("expected a [scenario]"), "{error}");
+    }
 }

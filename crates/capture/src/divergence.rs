@@ -355,7 +355,7 @@ mod tests {
     /// A damaged frame has its place and its error; behind thousands of bytes as well.
     #[test]
     fn a_frame_is_shown_with_its_place() {
-        let codec = Some((&engine::codec::BUS, Direction::ToDevice));
+        let codec = Some((&codec::BUS, Direction::ToDevice));
         let mut bytes = read(36).repeat(2_000);
         let shown = words(codec, &bytes, 9_007);
         assert!(shown.ends_with("(bus frame, bytes 9005..=9009)"), "{shown}");

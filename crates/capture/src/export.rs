@@ -202,4 +202,79 @@ mod tests {
         assert_eq!([Format::Tum, Format::RosMap].map(holds), [(false, true); 2]);
         assert_eq!(holds(Format::Carmen), (false, false));
     }
+
+    #[test]
+    fn the_extension_of_a_file_tells_its_format() {
+        for (name, expected) in [
+            ("a.csv", Some(Format::Csv)),
+            ("a.vcd", Some(Format::Vcd)),
+            ("a.log", Some(Format::Carmen)),
+            ("a.carmen", Some(Format::Carmen)),
+            ("a.tum", Some(Format::Tum)),
+            ("a.yaml", Some(Format::RosMap)),
+            ("a.yml", Some(Format::RosMap)),
+            ("a.txt", None),
+            ("csv", None),
+        ] {
+            assert_eq!(Format::of(Path::new(name)), expected, "{name}");
+        }
+        #[cfg(feature = "mcap")]
+        assert_eq!(Format::of(Path::new("a.mcap")), Some(Format::Mcap));
+    }
+
+    /// The last pose that was reported, or the first one.
+    #[test]
+    fn a_pose_holds_until_the_next_one() {
+        let pose = |x| Pose {
+            x,
+            ..Pose::default()
+        };
+        let belief = Belief {
+            way: [(10, 1.0), (20, 2.0)]
+                .map(|(second, x)| (Instant::from_secs(second), pose(x)))
+                .to_vec(),
+            map: None,
+        };
+        let at = |second| {
+            belief
+                .pose_at(Instant::from_secs(second))
+                .map(|pose| pose.x)
+        };
+        assert_eq!(
+            [5, 10, 19, 20, 90].map(at),
+            [1.0, 1.0, 1.0, 2.0, 2.0].map(Some)
+        );
+        assert!(Belief::default().pose_at(Instant::ZERO).is_none());
+    }
+
+    /// A format without its data is an error, and writes no file.
+    #[test]
+    fn a_format_without_data_is_refused() {
+        let (capture, recorded) = (Capture::of(&[]), Recorded::default());
+        let export = Export {
+            capture: &capture,
+            recorded: &recorded,
+            belief: Some(&Belief::default()),
+            laser: Laser::default(),
+        };
+        let folder = std::env::temp_dir().join(format!("hilrig-export-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("a folder for files");
+        for (format, words) in [
+            (Format::Tum, "the program believed to be nowhere"),
+            (Format::RosMap, "the program has no map"),
+            (Format::Carmen, "no link carries a lidar's turns"),
+        ] {
+            let path = folder.join("nothing");
+            let error = export.write(format, &path).expect_err(words);
+            assert_eq!(error.to_string(), words);
+            assert!(!path.exists(), "{words}");
+        }
+        assert!(export.map(Path::new("a.yaml")).is_err() && carmen::write(&export).is_err());
+        let path = folder.join("a.csv");
+        let words = export.write(Format::Csv, &path).expect("written");
+        let text = std::fs::read_to_string(&path).expect("readable");
+        std::fs::remove_dir_all(&folder).expect("removed");
+        assert_eq!(words, "0 records");
+        assert_eq!(text, "time_s,link,direction,event,bytes,comment\r\n");
+    }
 }

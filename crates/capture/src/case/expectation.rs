@@ -154,4 +154,55 @@ mod tests {
         none.decoder.push(Decoded::default());
         assert!(!none.needs_program());
     }
+
+    /// A rule that was broken twice, one that was not, a check of the run, and an unknown one.
+    #[test]
+    fn rules_and_checks_of_a_run_are_judged() {
+        use core::time::Duration;
+        use emulators::device::{Event, EventKind};
+        use engine::rig::Logged;
+        use engine::run::check::Status;
+
+        let broken = |source: &str| Logged {
+            source: source.to_owned(),
+            event: Event {
+                at: Instant::from_secs(1),
+                kind: EventKind::Violation,
+                rule: "bad-frame",
+                detail: String::new(),
+                bytes: Vec::new(),
+            },
+            is_kept: true,
+        };
+        let replayed = Replayed {
+            ran: Duration::from_secs(2),
+            heard: 0,
+            links: Vec::new(),
+            violations: vec![broken("base"), broken("base"), broken("radio")],
+            checks: vec![
+                Check::new("other", false, "no"),
+                Check::new("whole", true, "yes"),
+            ],
+            trace_hash: String::new(),
+        };
+        let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+        let expect = Expectation {
+            never: names(&["base bad-frame", "lidar bad-frame"]),
+            checks: names(&["whole", "unknown"]),
+            ..Expectation::default()
+        };
+        let found = expect.judge(&replayed, Instant::from_secs(2));
+        let found: Vec<_> = found.iter().map(|one| (&*one.name, one.status)).collect();
+        assert_eq!(
+            found,
+            [
+                ("never-base-bad-frame", Status::Fail),
+                ("never-lidar-bad-frame", Status::Pass),
+                ("whole", Status::Pass),
+                ("unknown", Status::Fail),
+            ]
+        );
+        let detail = &expect.judge(&replayed, Instant::from_secs(2))[0].detail;
+        assert!(detail.starts_with("broken 2 times; first: "), "{detail}");
+    }
 }

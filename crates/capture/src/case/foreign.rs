@@ -229,4 +229,110 @@ mod tests {
         ];
         assert_eq!(checks, said);
     }
+
+    /// The rate of a link, or the usual one.
+    #[test]
+    fn a_link_has_its_own_rate() {
+        let link = |name: &str, baud| LinkBytes {
+            name: name.to_owned(),
+            baud,
+            opened_ns: Vec::new(),
+            to_program: String::new(),
+            from_program: String::new(),
+        };
+        let links = [link("a", 9_600), link("b", 19_200)];
+        let rates = ["a", "b", "c"].map(|name| Expectation::baud_of(&links, name));
+        assert_eq!(rates, [9_600, 19_200, 115_200]);
+    }
+
+    /// The devices of the scenario answer: the case has no bytes, but the expectations and the end.
+    #[test]
+    fn a_case_of_a_run_has_its_scenario_and_no_bytes() {
+        let text = "schema = 1\nname = \"s\"\nrobot = \"none\"\nduration = \"1s\"\n\
+                    device.meter = { description = \"gps\" }\n";
+        let (scenario, _) = Scenario::from_text(text).expect("sound");
+        let recorded = Recorded {
+            links: vec![Passage {
+                link: "meter".to_owned(),
+                arrivals: vec![Arrival {
+                    at: Instant::ZERO,
+                    bytes: vec![1],
+                }],
+                sent: track(10_000),
+                ..Passage::default()
+            }],
+            end: END,
+            zero: Instant::ZERO,
+        };
+        let case = Case::of_run("x", &recorded, &scenario);
+        assert_eq!(case.play, Some(Play::Devices));
+        assert!(case.link.is_empty() && case.is_foreign);
+        assert_eq!(case.scenario, Some(scenario));
+        assert_eq!(
+            (case.expect.talks, case.end_ns),
+            (vec!["meter".to_owned()], 10_000_000_000)
+        );
+        let captured = Case::of_outsider("x", &recorded, None);
+        assert_eq!(
+            (captured.play, captured.link.len()),
+            (Some(Play::Conversation), 1)
+        );
+        // Three times a pause of 300 ms is no longer than the usual silence.
+        let mut fast = Track::default();
+        (0..10).for_each(|n| fast.push(Instant::from_millis(n * 300), &[1]));
+        let mut recorded = recorded;
+        recorded.links[0].sent = fast;
+        let expect = Case::of_outsider("x", &recorded, None).expect;
+        assert_eq!((expect.talks.len(), expect.talk_pause_ns), (1, None));
+    }
+
+    /// The rule about the exit replaces the check that the program is alive. A program that ended
+    /// with code 0 is judged up to its end.
+    #[test]
+    fn the_exit_of_a_program_is_judged_by_its_rule() {
+        let text = "case = 1\nname = \"x\"\nend_ns = 7\n[expect]\ntalks = [\"base\"]\n";
+        let path = std::path::Path::new("x.toml");
+        let judge = |text: &str, exit_code, ended_s: Option<u64>| {
+            let (case, _) = Case::parse(path, text.to_owned()).expect("sound");
+            let links = [Played {
+                link: "base".to_owned(),
+                expected: Track::default(),
+                got: track(5_000),
+                talk: None,
+            }];
+            let own = ["program-alive", "other"].map(|name| Check::new(name, true, "yes"));
+            let seen = Evidence {
+                links: &links,
+                said: "",
+                exit_code,
+                ended_at: ended_s.map(Instant::from_secs),
+                end: END,
+            };
+            let (judgement, unjudged) = case.judge_foreign(own, &seen);
+            assert_eq!(
+                (judgement.ran, unjudged.len()),
+                (Duration::from_secs(10), 0)
+            );
+            let checks = judgement.checks.into_iter();
+            checks.map(|one| (one.name, one.status)).collect::<Vec<_>>()
+        };
+        let of = |list: &[(&str, Status)]| {
+            let owned = list
+                .iter()
+                .map(|(name, status)| ((*name).to_owned(), *status));
+            owned.collect::<Vec<_>>()
+        };
+        let (pass, fail) = (Status::Pass, Status::Fail);
+        let base = "[[link]]\nname = \"base\"\nbaud = 9600\n";
+        let text = format!("{text}{base}");
+        let own = [("program-alive", pass), ("other", pass)];
+        let late = of(&[&own[..], &[("talks-base", fail)]].concat());
+        assert_eq!(judge(&text, None, None), late);
+        assert_eq!(judge(&text, Some(1), Some(5)), late);
+        let ended = of(&[&own[..], &[("talks-base", pass)]].concat());
+        assert_eq!(judge(&text, Some(0), Some(5)), ended);
+        let exits = text.replace("talks = ", "exits = 0\ntalks = ");
+        let expected = of(&[("other", pass), ("talks-base", pass), ("exits", pass)]);
+        assert_eq!(judge(&exits, Some(0), Some(5)), expected);
+    }
 }

@@ -372,4 +372,58 @@ mod tests {
         let pause = &judged(&["recovers=1s"])[0].2;
         assert_eq!(pause, "longest pause 2.000 s from 2.000000 s on, limit 1 s");
     }
+
+    #[test]
+    fn a_rule_names_a_link() {
+        for (text, link) in [
+            ("talks=base", Some("base")),
+            ("talks", None),
+            ("sends=base:AB", Some("base")),
+            ("never-sends=lidar:AB", Some("lidar")),
+            ("sends=AB", None),
+            ("exits=1", None),
+            ("ignores-damage", None),
+        ] {
+            let rule: Rule = text.parse().expect(text);
+            assert_eq!(rule.link(), link, "{text}");
+        }
+        for text in [
+            "prints=",
+            "talks=",
+            "ignores-damage=1",
+            "no-crash=1",
+            "exits=x",
+        ] {
+            assert!(text.parse::<Rule>().is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn all_rules_have_words() {
+        let mut expect = Expectation::default();
+        assert!(expect.in_words().is_empty());
+        for text in [
+            "exits=3",
+            "prints=hello",
+            "never-prints=panic",
+            "sends=base:AB",
+            "never-sends=CD",
+            "ignores-damage",
+            "recovers=500ms",
+        ] {
+            expect.add(text.parse().expect(text), &[]);
+        }
+        assert_eq!(
+            expect.in_words(),
+            [
+                "it ends with exit code 3",
+                "it prints \"hello\"",
+                "it never prints \"panic\"",
+                "it sends base:AB",
+                "it never sends CD",
+                "it behaves as if damaged frames had not arrived",
+                "it never pauses for longer than 0.5 s",
+            ]
+        );
+    }
 }

@@ -44,4 +44,54 @@ mod tests {
         assert_eq!(super::quoted("flip"), "flip");
         assert_eq!(super::quoted("a, \"b\""), "\"a, \"\"b\"\"\"");
     }
+
+    /// Seconds with nine digits, the name of the link, and the event.
+    #[test]
+    fn each_record_is_a_row() {
+        use super::super::{Belief, Laser};
+        use super::*;
+        use crate::replay::Recorded;
+        use crate::{Capture, Interface, Record};
+        use engine::rig::line::Direction;
+        use protocols::Instant;
+
+        let record = |kind, bytes: &[u8], comment: &str| Record {
+            link: 0,
+            sequence: None,
+            at: Instant::from_nanos(12_345_678_901),
+            direction: Direction::ToDevice,
+            kind,
+            bytes: bytes.to_vec().into(),
+            sent: None,
+            pieces: Vec::new(),
+            comment: comment.to_owned(),
+        };
+        let capture = Capture {
+            links: vec![Interface::new("a,b", 9_600)],
+            records: vec![
+                record(Kind::Data, &[0xAB, 0x24], "flip"),
+                record(Kind::Other(7), &[], ""),
+                Record {
+                    link: 9,
+                    ..record(Kind::Data, &[1], "")
+                },
+            ],
+            ..Capture::default()
+        };
+        let (recorded, belief) = (Recorded::default(), Belief::default());
+        let text = write(&Export {
+            capture: &capture,
+            recorded: &recorded,
+            belief: Some(&belief),
+            laser: Laser::default(),
+        });
+        let expected = [
+            "time_s,link,direction,event,bytes,comment",
+            "12.345678901,\"a,b\",to-device,data,AB24,flip",
+            "12.345678901,\"a,b\",to-device,event 7,,",
+            "12.345678901,,to-device,data,01,",
+            "",
+        ];
+        assert_eq!(text, expected.join("\r\n"));
+    }
 }

@@ -405,4 +405,44 @@ mod tests {
         ];
         assert_eq!(vectors.map(|text| base64(text.as_bytes())), encoded);
     }
+
+    /// One record with bytes; only a section with a scenario has an attachment.
+    #[test]
+    fn a_file_has_the_scenario_of_its_sections() {
+        let of = |scenario: &str| {
+            let capture = Capture {
+                sections: vec![crate::Section {
+                    scenario: scenario.to_owned(),
+                    ..crate::Section::default()
+                }],
+                links: vec![Interface::new("a", 9_600)],
+                records: vec![Record {
+                    link: 0,
+                    sequence: None,
+                    at: Instant::from_secs(1),
+                    direction: Direction::ToMaster,
+                    kind: Kind::Data,
+                    bytes: vec![7].into(),
+                    sent: None,
+                    pieces: Vec::new(),
+                    comment: String::new(),
+                }],
+                ..Capture::default()
+            };
+            let recorded = Recorded::default();
+            let export = Export {
+                capture: &capture,
+                recorded: &recorded,
+                belief: None,
+                laser: Laser::default(),
+            };
+            let (bytes, words) = write(&export).expect("written");
+            let summary = mcap::Summary::read(&bytes).expect("readable").expect("one");
+            let messages = mcap::MessageStream::new(&bytes).expect("a file").count();
+            (words, messages, summary.attachment_indexes.len())
+        };
+        let words = "1 messages, 0 lidar turns".to_owned();
+        assert_eq!(of("schema = 1\n"), (words.clone(), 1, 1));
+        assert_eq!(of(""), (words, 1, 0));
+    }
 }

@@ -244,7 +244,7 @@ mod tests {
     fn notes(names: &[&str]) -> Vec<String> {
         let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
         let mut out = Imported::new();
-        super::roles(&names, &Options::default(), &mut out);
+        roles(&names, &Options::default(), &mut out);
         out.notes
     }
 

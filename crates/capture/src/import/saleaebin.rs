@@ -184,4 +184,39 @@ mod tests {
         let error = read_format(&file(7), Format::SaleaeBinary, &options).expect_err("version");
         assert!(error.to_string().contains("version 7"), "{error}");
     }
+
+    /// Analog export: begin, rate, downsampling, count, and voltages. A rate of 200 kHz, of which
+    /// every second sample was kept, has 10 us between two: a start bit, and the bits of 0xFF.
+    #[test]
+    fn voltages_of_a_channel_are_read() {
+        let volts = |count: usize, volts: f32| vec![volts; count];
+        let all = [volts(20, 3.3), volts(1, 0.0), volts(40, 3.3)].concat();
+        let file = |kind: u32| {
+            let mut file = MAGIC.to_vec();
+            file.extend([0_u32, kind].iter().flat_map(|word| word.to_le_bytes()));
+            file.extend(0.0_f64.to_le_bytes());
+            let counts = [200_000_u64, 2, all.len() as u64];
+            file.extend(counts.iter().flat_map(|count| count.to_le_bytes()));
+            file.extend(all.iter().flat_map(|volts| volts.to_le_bytes()));
+            file
+        };
+        let options = Options {
+            baud: Some(100_000),
+            ..Options::default()
+        };
+        let mut out = Imported::new();
+        read(&file(1), &options, &mut out).expect("sound");
+        let records = out.records().iter();
+        let found: Vec<_> = records
+            .map(|one| (one.at.as_micros(), one.bytes.to_vec()))
+            .collect();
+        // The start bit begins at 200 us; the byte ends ten bits later.
+        assert_eq!(found, [(300, vec![0xFF])]);
+        let error = read(&file(2), &options, &mut Imported::new()).expect_err("unknown");
+        assert!(
+            error.message.contains("has version 0 and type 2"),
+            "{error}"
+        );
+        assert_eq!((nanos(1.5, 1.0), nanos(1.0, 1.5)), (500_000_000, 0));
+    }
 }

@@ -343,4 +343,59 @@ mod tests {
             assert_eq!(look(text.as_bytes()), None, "{text:?}");
         }
     }
+
+    /// The unit of a column of times, by its name.
+    #[test]
+    fn the_name_of_a_time_column_has_a_unit() {
+        for (name, expected) in [
+            ("Time [s]", Some(1_000_000_000)),
+            ("time", Some(1_000_000_000)),
+            ("Time (ms)", Some(1_000_000)),
+            ("Timestamp us", Some(1_000)),
+            ("time ns", Some(1)),
+            ("Time millis", Some(1_000_000)),
+            ("seconds", Some(1_000_000_000)),
+            ("Milliseconds", Some(1_000_000)),
+            ("microseconds", Some(1_000)),
+            ("nanoseconds", Some(1)),
+            ("time h", None),
+            ("RX", None),
+        ] {
+            assert_eq!(time_unit(name), expected, "{name}");
+        }
+        assert_eq!(
+            (level("0"), level("1"), level("2")),
+            (Some(false), Some(true), None)
+        );
+        assert_eq!((volts("3,3"), volts("-0.1")), (Some(3.3), Some(-0.1)));
+        assert_eq!((volts("inf"), volts("x")), (None, None));
+    }
+
+    /// 0xFF at 100,000 baud: a start bit of 10 us in 3.3 V, from 100 us on. Each voltage needs its
+    /// column.
+    #[test]
+    fn voltages_are_converted_to_levels() {
+        let of = |rows: &[(u32, &str)]| {
+            let rows: String = rows
+                .iter()
+                .map(|(us, volts)| format!("0.{us:06}0,{volts}\n"))
+                .collect();
+            let text = format!("Time [s],RX\n{rows}");
+            let options = Options {
+                baud: Some(100_000),
+                ..Options::default()
+            };
+            let mut out = Imported::new();
+            let found = read(text.as_bytes(), &options, &mut out);
+            let bytes = out.records().iter().flat_map(|one| one.bytes.to_vec());
+            (
+                found.map_err(|error| error.message),
+                bytes.collect::<Vec<u8>>(),
+            )
+        };
+        let whole = [(0, "3.3"), (100, "0.0"), (110, "3.3"), (500, "3.2")];
+        assert_eq!(of(&whole), (Ok(()), vec![0xFF]));
+        let (found, _) = of(&[(0, "3.3"), (100, "0.0"), (110, "x"), (500, "3.3")]);
+        assert_eq!(found, Err("expected a voltage in each column".to_owned()));
+    }
 }

@@ -602,4 +602,24 @@ mod tests {
         let paths = "write(3</dev/ttyS1>, \"\\xab\", 1) = 1\nread(4</tmp/a>, \"\\x24\", 1) = 1\n";
         assert_eq!(told(paths), Ok(vec![(0, true, vec![0xAB])]));
     }
+
+    /// Only standard streams transfer bytes: one of them may be the port. A channel that names no
+    /// file is an error.
+    #[test]
+    fn a_standard_stream_may_be_the_port() {
+        assert_eq!(taken("read(0, \"ab\", 2) = 2\n", None).0, *b"ab");
+        let options = Options {
+            channels: vec!["9".to_owned()],
+            ..Options::default()
+        };
+        let text = "write(3, \"ab\", 2) = 2\nread(3, \"c\", 1) = 1\n";
+        let error = read_format(text.as_bytes(), Format::Strace, &options).expect_err("none");
+        assert!(error.message.contains("--channel: expected"), "{error}");
+        // A file with positions is taken if it alone is named.
+        let seekable = "pread64(3, \"ab\", 2, 0) = 2\n";
+        assert_eq!(taken(seekable, Some("3")).0, *b"ab");
+        // Bytes are cut at the count of the call, and not beyond the text.
+        assert_eq!(taken("write(3, \"abc\"..., 3) = 3\n", None).0, *b"abc");
+        assert_eq!(taken("write(3, \"abcd\", 4) = 3\n", None).0, *b"abc");
+    }
 }

@@ -211,3 +211,49 @@ fn a_form_shows_in_its_first_lines() {
     assert_eq!(detected(&late[1..]), Some("socat"));
     assert_eq!(opposite(Direction::ToDevice), Direction::ToMaster);
 }
+
+/// The marks of all formats, and why a file that looks like one is none.
+#[test]
+fn the_error_about_an_unknown_file_names_all_formats() {
+    let words = looked_for(b"nothing");
+    assert!(
+        words.starts_with("this file has none of the forms"),
+        "{words}"
+    );
+    for row in FORMATS {
+        assert!(
+            words.contains(row.name) && words.contains(row.mark),
+            "{}",
+            row.name
+        );
+    }
+    let dump = looked_for(b"00000000: ab24  .$\n00000009: 0a00  ..\n");
+    assert!(dump.contains("\nas a dump with offsets: line "), "{dump}");
+    assert_eq!(hexdump::doubt(b"words\n"), None);
+    // One and two digits may be decimal or hex; with letters there is no doubt about the base.
+    let doubt = hextext::doubt(b"1 3 0 10").expect("two bases");
+    assert!(doubt.contains("may be decimal or hex"), "{doubt}");
+    assert!(looked_for(b"1 3 0 10").ends_with(&doubt));
+    let none = [&b"AB 24"[..], b"", b"1 3 0 10 x", b"\xFF 1 3", b"10 20"].map(hextext::doubt);
+    assert_eq!(none, [const { None }; 5]);
+}
+
+/// A file of this tool: its clock, its format, its links and its records.
+#[test]
+fn an_import_is_written_as_a_capture() {
+    let found = read(
+        b"[12:00:00.5] TX: AB 24\n",
+        Format::Hex,
+        &options(Some(9_600), None),
+    );
+    let file = found.expect("sound").to_pcapng(Format::Hex);
+    let capture = crate::Capture::of(&file);
+    let section = &capture.sections[0];
+    let facts = ["imported", "clock"].map(|key| section.fact(key));
+    assert_eq!(facts, [Some("hex"), Some("virtual")]);
+    assert_eq!(
+        (&*capture.links[0].name, capture.links[0].baud),
+        ("port", 9_600)
+    );
+    assert_eq!(&capture.records[0].bytes[..], [0xAB, 0x24]);
+}

@@ -512,4 +512,91 @@ mod tests {
         let by_hand = [80, 84, 82, 81, 83, 85, 86, 87].map(|eighths| Some(24_000_000 / eighths));
         assert_eq!(tenths, by_hand);
     }
+
+    /// The line coding of CDC-ACM has seven bytes, the rate of a CP210x four. The device descriptor
+    /// has the vendor and the release, of which fast FTDI chips have 0x0700 to 0x0900.
+    #[test]
+    fn a_device_is_learnt_from_control_transfers() {
+        let of = |setup: [u8; 8], data: &[u8]| {
+            let mut device = Device::default();
+            device.learn(setup, data);
+            (device.baud, device.vendor, device.packet)
+        };
+        let rate = 9_600_u32.to_le_bytes();
+        let coding = [&rate[..], &[0, 0, 8]].concat();
+        let cdc = [0x21, 0x20, 0, 0, 0, 0, 7, 0];
+        let cp210x = [0x41, 0x1E, 0, 0, 0, 0, 4, 0];
+        assert_eq!(of(cdc, &coding).0, Some(9_600));
+        assert_eq!(of(cdc, &rate).0, None);
+        assert_eq!(of(cp210x, &rate).0, Some(9_600));
+        assert_eq!(of(cp210x, &coding).0, None);
+        let mut descriptor = [0; 18];
+        descriptor[8..14].copy_from_slice(&[0x03, 0x04, 0, 0, 0x00, 0x07]);
+        let ask = [0x80, 6, 0, 1, 0, 0, 18, 0];
+        assert_eq!(of(ask, &descriptor), (None, Some(0x0403), Some(512)));
+        assert_eq!(of(ask, &descriptor[..14]), (None, Some(0x0403), Some(512)));
+        assert_eq!(of(ask, &descriptor[..13]), (None, None, None));
+        descriptor[13] = 0x06;
+        assert_eq!(of(ask, &descriptor).2, Some(64));
+        assert_eq!(
+            of([0x80, 6, 0, 2, 0, 0, 18, 0], &descriptor),
+            (None, None, None)
+        );
+    }
+
+    /// Two devices: each is a link of its own, and one can be chosen by its name.
+    #[test]
+    fn several_devices_are_several_links() {
+        let mut second = packet(COMPLETE, 3, 0x81, None, b"other");
+        second[11] = 9;
+        let packets = [packet(COMPLETE, 3, 0x81, None, b"first"), second];
+        let file = file(LINUX_MMAPPED.into(), &packets);
+        let of = |channel: Option<&str>| {
+            let options = Options {
+                channels: channel.into_iter().map(str::to_owned).collect(),
+                ..Options::default()
+            };
+            let found = read_format(&file, Format::Pcap, &options);
+            let found = found.map_err(|error| error.to_string())?;
+            let names = found.links().iter().map(|link| link.name.clone());
+            Ok::<_, String>(names.collect::<Vec<_>>())
+        };
+        assert_eq!(
+            of(None),
+            Ok(vec!["usb-1.7".to_owned(), "usb-1.9".to_owned()])
+        );
+        assert_eq!(of(Some("usb-1.9")), Ok(vec!["line".to_owned()]));
+        let error = of(Some("usb-1.8")).expect_err("no such device");
+        assert!(
+            error.contains("expected one of: usb-1.7, usb-1.9"),
+            "{error}"
+        );
+    }
+
+    /// A control transfer of USBPcap has its stage in byte 27; the setup packet is its data.
+    #[test]
+    fn usbpcap_has_setup_packets() {
+        let of = |transfer: u8, stage: u8| {
+            let mut bytes = vec![0; 28];
+            bytes[0] = 28;
+            bytes[22] = transfer;
+            bytes[27] = stage;
+            bytes.extend([1, 2, 3, 4, 5, 6, 7, 8, 9]);
+            let packet = Packet {
+                link_type: USBPCAP,
+                order: Order::Little,
+                interface: 0,
+                nanos: 0,
+                is_outbound: None,
+                bytes,
+                cut: 0,
+            };
+            let urb = usbpcap(&packet).expect("whole");
+            (urb.transfer, urb.setup.is_some(), urb.data.len())
+        };
+        assert_eq!(of(2, 0), (Transfer::Control, true, 1));
+        assert_eq!(of(2, 1), (Transfer::Control, false, 9));
+        assert_eq!(of(3, 0), (Transfer::Bulk, false, 9));
+        assert_eq!(of(1, 0), (Transfer::Other, false, 9));
+    }
 }
