@@ -526,4 +526,64 @@ mod tests {
         let paced = [judged(1_250, 1, 2), judged(1_251, 1, 2), judged(0, 2, 2)];
         assert_eq!(paced, [Status::Pass, Status::Fail, Status::Fail]);
     }
+
+    /// Chunks at these milliseconds.
+    fn track(millis: &[u64]) -> Track {
+        let mut track = Track::default();
+        for at in millis {
+            track.push(Instant::from_millis(*at), b"a");
+        }
+        track
+    }
+
+    /// The median of the pauses of more than 20 ms: of 100, 200, 300 and 400 ms the third one.
+    #[test]
+    fn the_usual_pause_is_the_median() {
+        let of = |millis: &[u64]| usual_pause(&track(millis)).as_millis();
+        assert_eq!(of(&[0, 100, 300, 600, 1_000]), 300);
+        assert_eq!(of(&[0, 20, 40, 140]), 100);
+        assert_eq!(of(&[0, 21]), 21);
+        assert_eq!((of(&[0, 20]), of(&[])), (0, 0));
+    }
+
+    /// Bytes with a pause of 20 ms at most are one request, with and without a known protocol.
+    #[test]
+    fn a_request_may_come_in_two_pieces() {
+        let words = |millis: &[u64]| -> Vec<(u64, String)> {
+            let all = Request::all(&track(millis), None).into_iter();
+            all.map(|one| (one.at.as_millis(), one.words)).collect()
+        };
+        assert_eq!(words(&[10, 30]), [(30, "61 61".to_owned())]);
+        let apart = [(10, "61".to_owned()), (31, "61".to_owned())];
+        assert_eq!(words(&[10, 31]), apart);
+        let frame = Frame::read(36, 10, ChecksumOrder::LowFirst);
+        let (begin, rest) = frame.as_bytes().split_at(2);
+        let count = |second: u64| {
+            let mut track = Track::default();
+            track.push(Instant::from_millis(10), begin);
+            track.push(Instant::from_millis(second), rest);
+            Request::all(&track, Some(&codec::BUS)).len()
+        };
+        assert_eq!(count(30), 1);
+        assert!(count(31) > 1);
+    }
+
+    /// Each damaged reply may cost two repetitions, in all requests but the last one together.
+    #[test]
+    fn repetitions_are_added_up() {
+        let holds = |got: &str, expected: &str, damaged| {
+            let requests = |text: &str| {
+                let all: Vec<&str> = text.split(' ').collect();
+                requests(&all)
+            };
+            let late = Duration::from_secs(60);
+            compare(&requests(got), &requests(expected), (late, damaged)).is_ok()
+        };
+        assert!(holds("a a a b c", "a b c", 1) && !holds("a a a a b c", "a b c", 1));
+        assert!(!holds("a a a b b c", "a b c", 1) && holds("a a b b c", "a b c", 1));
+        assert!(holds("a a a a a a a b c", "a b c", 3));
+        assert!(!holds("a a a a a a a a b c", "a b c", 3));
+        assert!(holds("a b c c c c", "a b c", 1));
+        assert!(!holds("a b c", "a a b c", 1) && holds("a b c", "a b c c", 1));
+    }
 }

@@ -335,4 +335,16 @@ mod tests {
         let expected = of(&[("other", pass), ("talks-base", pass), ("exits", pass)]);
         assert_eq!(judge(&exits, Some(0), Some(5)), expected);
     }
+
+    /// Five chunks in a second or more.
+    #[test]
+    fn a_program_sends_for_long_from_five_chunks_on() {
+        let of = |step: u64, count: u64| {
+            let mut track = Track::default();
+            (0..count).for_each(|n| track.push(Instant::from_millis(n * step), &[1]));
+            pause_of(&track).map(|pause| pause.as_millis())
+        };
+        assert_eq!(of(250, 5), Some(250));
+        assert_eq!((of(249, 5), of(1_000, 4), of(1, 0)), (None, None, None));
+    }
 }

@@ -772,4 +772,24 @@ mod tests {
         let sum = transcript.sums().next().expect("one lane");
         assert_eq!((sum.codec, sum.framed), (Some(&codec::XV11), 132));
     }
+
+    /// At 10,000 baud a byte takes a millisecond, and three of them are a silence. At an unknown
+    /// rate, bytes take no time and 2 ms are a silence.
+    #[test]
+    fn messages_of_an_unknown_protocol_end_with_a_silence() {
+        let lens = |baud: u32, second: u64| -> Vec<u64> {
+            let mut transcript = Transcript::new(None);
+            let link = Interface::new("x", baud);
+            for at in [10, second] {
+                transcript.record(&record(at, &[1, 2], ""), &link);
+            }
+            transcript.finish().map(|one| one.place).collect()
+        };
+        assert_eq!((lens(10_000, 15), lens(10_000, 16)), (vec![0], vec![0, 2]));
+        assert_eq!((lens(0, 12), lens(0, 13)), (vec![0], vec![0, 2]));
+        assert_eq!(
+            (silence(0).as_millis(), silence(10_000).as_millis()),
+            (2, 3)
+        );
+    }
 }

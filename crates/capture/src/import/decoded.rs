@@ -75,4 +75,12 @@ mod tests {
             assert_eq!(of(bytes), bytes, "{bytes:02X?}");
         }
     }
+
+    /// Both of the first two characters have to be text.
+    #[test]
+    fn two_characters_prove_an_encoding() {
+        for bytes in [&b"\0a\0\x01"[..], b"\0\x01\0a", b"a\0\x01\0", b"\x01\0a\0"] {
+            assert_eq!(of(bytes), bytes, "{bytes:02X?}");
+        }
+    }
 }

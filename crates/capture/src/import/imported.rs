@@ -465,4 +465,13 @@ mod tests {
             (0, 1)
         );
     }
+
+    /// Records of the same time are in order.
+    #[test]
+    fn equal_times_are_not_late() {
+        let to = Direction::ToDevice;
+        let mut out = imported(&[(0, 5, to), (0, 5, to), (0, 6, to)]);
+        out.sort();
+        assert!(out.notes.is_empty(), "{:?}", out.notes);
+    }
 }

@@ -622,4 +622,19 @@ mod tests {
         assert_eq!(taken("write(3, \"abc\"..., 3) = 3\n", None).0, *b"abc");
         assert_eq!(taken("write(3, \"abcd\", 4) = 3\n", None).0, *b"abc");
     }
+
+    /// Bytes of one file are added up; the beginning of a call may be cut.
+    #[test]
+    fn bytes_of_other_files_are_added_up() {
+        let text = format!("{MEASURED}2.4 write(1, \"more\\n\", 5) = 5\n");
+        let notes = taken(&text, None).1;
+        assert_eq!(
+            notes,
+            ["other files are left out: 8 bytes of file descriptor 1"]
+        );
+        let cut =
+            "7 1.0 write(3, \"\\xab\"..., 40 <unfinished ...>\n7 1.1 <... write resumed>) = 40\n";
+        let error = told(cut).expect_err("cut");
+        assert!(error.contains("-s 99999"), "{error}");
+    }
 }

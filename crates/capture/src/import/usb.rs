@@ -599,4 +599,37 @@ mod tests {
         assert_eq!(of(3, 0), (Transfer::Bulk, false, 9));
         assert_eq!(of(1, 0), (Transfer::Other, false, 9));
     }
+
+    /// A device with two endpoints that bring bytes has two lines.
+    #[test]
+    fn a_device_may_have_two_lines() {
+        let names = |second: u8| {
+            let packets = [
+                packet(COMPLETE, 3, 0x81, None, b"one"),
+                packet(COMPLETE, 3, second, None, b"two"),
+            ];
+            let file = file(LINUX_MMAPPED.into(), &packets);
+            let found = read_format(&file, Format::Pcap, &Options::default()).expect("sound");
+            let names = found.links().iter().map(|link| link.name.clone());
+            names.collect::<Vec<_>>()
+        };
+        assert_eq!(names(0x81), ["line"]);
+        assert_eq!(names(0x83), ["line-0", "line-1"]);
+    }
+
+    /// Three empty replies are no proof if another reply has no status.
+    #[test]
+    fn all_replies_of_an_ftdi_adapter_have_a_status() {
+        let of = |last: &[u8]| {
+            let mut packets = vec![packet(COMPLETE, 3, 0x81, None, &[1, 0x60]); 3];
+            packets.push(packet(COMPLETE, 3, 0x81, None, last));
+            let found = told(&file(LINUX_MMAPPED.into(), &packets)).0;
+            found.into_iter().map(|one| one.2.len()).sum::<usize>()
+        };
+        assert_eq!(of(&[1, 0x60, 7]), 1);
+        assert_eq!(of(&[0xFF, 0xFF, 7]), 9);
+        assert_eq!(of(&[0x02, 0x60, 7]), 1);
+        assert_eq!(of(&[0x03, 0x60, 7]), 9);
+        assert_eq!(of(&[0x01, 0x62, 7]), 9);
+    }
 }

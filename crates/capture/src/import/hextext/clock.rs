@@ -586,4 +586,24 @@ mod tests {
         assert_eq!(numeric("13-12"), Some((None, 12, 13)));
         assert_eq!(numeric("1/1/1969"), None);
     }
+
+    /// Without a 29 February, day 200 of a leap year is the day 199 of the file. A date that is 182
+    /// days or less before the last one is of the same year.
+    #[test]
+    fn a_date_far_before_the_last_one_is_of_the_next_year() {
+        let days = |second: u64| {
+            let times = [200 * DAY, second * DAY];
+            let mut years = Years::of(times.into_iter());
+            times.map(|at| years.nanos(at) / DAY)
+        };
+        assert_eq!(days(17), [199, 17]);
+        assert_eq!(days(16), [199, 365 + 16]);
+        // With one, a year has 366 days; half of it are 183.
+        let mut years = Years::of([59 * DAY].into_iter());
+        let found = [200, 17, 16].map(|day| years.nanos(day * DAY) / DAY);
+        assert_eq!(found, [200, 17, 16]);
+        let mut years = Years::of([59 * DAY].into_iter());
+        let found = [200, 16].map(|day| years.nanos(day * DAY) / DAY);
+        assert_eq!(found, [200, 366 + 16]);
+    }
 }

@@ -540,3 +540,41 @@ fn lines_of_a_usual_width_are_one_stream() {
     assert_eq!(ends(&format!("TX: {eight}TX: {eight}")), [8, 20]);
     assert_eq!(ends(eight), [8]);
 }
+
+/// An arrow behind each time means nothing; with one to the left among them, both are directions.
+#[test]
+fn arrows_behind_times_tell_a_direction_if_there_are_two() {
+    use engine::rig::line::Direction;
+    let of = |second: &str| {
+        let text = format!("12:00:00.1 -> AB 01\n12:00:00.2 {second} 24 02\n");
+        let mut out = Imported::new();
+        read(text.as_bytes(), &Options::default(), &mut out).expect("sound");
+        let ways: Vec<Direction> = out.records().iter().map(|one| one.direction).collect();
+        let is_noted = out
+            .notes
+            .iter()
+            .any(|note| note.contains("arrow behind the times"));
+        (ways, is_noted)
+    };
+    let (to, from) = (Direction::ToDevice, Direction::ToMaster);
+    assert_eq!(of("->"), (vec![from, from], true));
+    assert_eq!(of("<-"), (vec![to, from], false));
+}
+
+/// What is assumed of the digits is noted.
+#[test]
+fn assumed_digits_are_noted() {
+    let has = |text: &str, words: &str| {
+        let mut out = Imported::new();
+        read(text.as_bytes(), &Options::default(), &mut out).expect(text);
+        out.notes.iter().any(|note| note.contains(words))
+    };
+    let (letter, groups) = ("no digit is a letter", "groups of four or more digits");
+    assert!(has("01 02 10 20\n", letter) && !has("AB 02 10 20\n", letter));
+    assert!(!has("0x01 0x02\n", letter));
+    assert!(has("AB24 0A00\n", groups) && !has("AB 24\n", groups));
+    assert!(has("[171, 36]\n", "taken as decimal") && !has("AB 24\n", "taken as decimal"));
+    assert!(has("00000001 00000010\n", "taken as binary"));
+    assert!(has("253 044 012 000 331\n", "taken as octal"));
+    assert!(has("AB 4 0 D\n", "without leading zeros"));
+}

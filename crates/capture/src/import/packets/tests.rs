@@ -301,3 +301,47 @@ fn what_is_no_packet_is_noted() {
         ["1 packets of link type 1 (Ethernet) are skipped: they contain no serial bytes"]
     );
 }
+
+/// A simple packet has no time; an old one has the number of its interface in 16 bits. Both are of
+/// the interfaces of their own section.
+#[test]
+fn simple_and_old_packets_are_read() {
+    let block = |kind: u32, body: &[u8]| {
+        let mut out = Vec::new();
+        pcapng::write_block(&mut out, kind, |out| {
+            let start = out.len();
+            out.extend_from_slice(body);
+            pcapng::pad(out, start);
+        });
+        out
+    };
+    let words =
+        |list: &[u32]| -> Vec<u8> { list.iter().flat_map(|word| word.to_le_bytes()).collect() };
+    let mut file = blocks_file(147, &option(2, b"first"), &[(b"\x01", Some(1))]);
+    file.extend(blocks_file(148, &option(2, b"second"), &[]));
+    file.extend(block(3, &[&words(&[5])[..], &READ].concat()));
+    file.extend(block(
+        2,
+        &[&words(&[0, 0, 2_500_000, 5, 5])[..], &READ].concat(),
+    ));
+    let found = read_format(&file, Format::Pcap, &Options::default()).expect("sound");
+    let records = found.records().iter();
+    let records: Vec<_> = records
+        .map(|one| (one.at.as_micros(), one.link, one.bytes.to_vec()))
+        .collect();
+    let names: Vec<&str> = found.links().iter().map(|link| &*link.name).collect();
+    assert_eq!(names, ["first", "second"]);
+    assert_eq!(
+        records,
+        [
+            (0, 1, READ.to_vec()),
+            (1_500_000, 0, vec![1]),
+            (2_500_000, 1, READ.to_vec())
+        ]
+    );
+    assert!(
+        found.notes.iter().all(|note| !note.contains("invalid")),
+        "{:?}",
+        found.notes
+    );
+}
