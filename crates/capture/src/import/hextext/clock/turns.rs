@@ -43,7 +43,7 @@ impl Turns {
         let here = at + self.before;
         // A line that is late by less than a second may belong before the turn.
         let earlier = here.saturating_sub(period);
-        let is_late = self.before > 0 && earlier < self.last && earlier + SECOND > self.last;
+        let is_late = self.before > 0 && earlier <= self.last && earlier + SECOND > self.last;
         self.last = if is_late { earlier } else { here };
         self.last
     }
@@ -100,6 +100,10 @@ mod tests {
         let times = [DAY_MS - 1_000, 200, DAY_MS - 500, 300];
         let expected = [DAY_MS - 1_000, DAY_MS + 200, DAY_MS - 500, DAY_MS + 300];
         assert_eq!(told(Clock::Day, &times).0, expected);
+        // Another line may have the same time.
+        let times = [DAY_MS - 1_000, 200, DAY_MS - 500, DAY_MS - 500, 300];
+        let found = told(Clock::Day, &times).0;
+        assert_eq!(found[2..], [DAY_MS - 500, DAY_MS - 500, DAY_MS + 300]);
         let later = told(Clock::Day, &[DAY_MS - 1_000, 600, DAY_MS - 400]).0;
         assert_eq!(later[2], 2 * DAY_MS - 400, "a second later");
         let just = told(Clock::Day, &[DAY_MS - 1_000, 600, DAY_MS - 399]).0;
