@@ -598,4 +598,32 @@ mod tests {
         let tick = cpu.advance(at(2_100_000), false);
         assert_eq!(tick, Some((at(2_008_000), Step::Tick)));
     }
+
+    /// The line asks each 10 us, and not again for what the processor came late to: 25 us late it
+    /// has asked at 10, 20 and 30 us. A byte for an idle line takes 41 cycles more, and an empty
+    /// ring 56.
+    #[test]
+    fn the_line_asks_again_at_its_own_pace() {
+        let entered = |at: u64, is_idle: bool, ring: &[u8]| {
+            let mut cpu = cpu(0);
+            (cpu.at, cpu.asks_at) = (at, 10_000);
+            (cpu.feeds, cpu.is_idle) = (true, is_idle);
+            cpu.ring = ring.to_vec().into();
+            assert!(!cpu.enter());
+            (cpu.asks_at, cpu.interrupt, cpu.feeds)
+        };
+        assert_eq!(entered(9_999, false, &[7]), (10_000, None, true));
+        let feed = |left| Some(Interrupt::Feed { left, byte: 7 });
+        for (at, next) in [
+            (10_000, 20_000),
+            (19_999, 20_000),
+            (20_000, 30_000),
+            (35_000, 40_000),
+        ] {
+            assert_eq!(entered(at, false, &[7, 8]), (next, feed(0), true));
+            assert_eq!(entered(at, true, &[7]), (next, feed(2_562), true));
+        }
+        let nothing = Some(Interrupt::Return { left: 3_500 });
+        assert_eq!(entered(10_000, true, &[]), (20_000, nothing, false));
+    }
 }

@@ -486,4 +486,24 @@ mod tests {
         let reads = (3..6).map(|len| stored(&[0xAB, 0x10, 0x02, 1, 2][..len]));
         assert!(reads.into_iter().all(|place| place.is_none()));
     }
+
+    /// Cycles of the interrupt: 12 for a start and 4 for a stray byte, 9 for the register, 25 for
+    /// the count, 26 for each byte of data; 36 for the first byte of a checksum behind data and 11
+    /// without, 16 for the second. 16 cycles are a microsecond.
+    #[test]
+    fn a_byte_takes_the_interrupt_as_long_as_its_place_needs() {
+        let cycles = |frame: &[u8], byte: u8| {
+            let mut receiver = Interrupt::new(ChecksumOrder::LowFirst);
+            receiver.frame = frame.to_vec();
+            (receiver.work(byte).as_nanos() * 16).div_ceil(1_000)
+        };
+        assert_eq!([cycles(&[], avr::START), cycles(&[], 0x55)], [12, 4]);
+        let write = [0xAB, 0x10, 0x82, 1, 2, 3];
+        let of_write = [1, 2, 3, 4, 5, 6].map(|len| cycles(&write[..len], 0));
+        assert_eq!(of_write, [9, 25, 26, 26, 36, 16]);
+        let of_read = [3, 4].map(|len| cycles(&[0xAB, 0x10, 0x02, 1][..len], 0));
+        assert_eq!(of_read, [11, 16]);
+        let of_none = [3, 4].map(|len| cycles(&[0xAB, 0x10, 0x80, 1][..len], 0));
+        assert_eq!(of_none, [36, 16]);
+    }
 }

@@ -104,4 +104,29 @@ mod tests {
         }
         assert_eq!(sender.queue.len(), CAPACITY);
     }
+
+    #[test]
+    fn the_next_byte_is_that_behind_now() {
+        let mut sender = Sender::new(TEN_US);
+        assert_eq!(sender.ready_after(Instant::ZERO), None);
+        sender.send(Instant::from_micros(100), &[1, 2]);
+        sender.send(Instant::from_micros(105), &[3]);
+        let next = [99, 100, 119, 120].map(|micros| {
+            let now = Instant::from_micros(micros);
+            (
+                sender.ready_after(now).map(Instant::as_micros),
+                sender.has_ready(now),
+            )
+        });
+        let expected = [
+            (Some(100), false),
+            (Some(120), true),
+            (Some(120), true),
+            (None, true),
+        ];
+        assert_eq!(next, expected);
+        sender.clear();
+        assert!(!sender.has_ready(Instant::from_secs(9)));
+        assert_eq!(sender.byte_time(), TEN_US);
+    }
 }

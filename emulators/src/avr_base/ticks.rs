@@ -199,4 +199,17 @@ mod tests {
         let later = Instant::ZERO + CYCLE + TICK;
         assert_eq!(Ticks::started_at(later), Ticks::with_phase(CYCLE - TICK));
     }
+
+    /// Ticks whose tasks are gone take 10 us; the analog task takes as long as its block's sensors.
+    #[test]
+    fn each_block_has_its_own_work() {
+        assert_eq!(Due::bare_work(), Duration::from_micros(10));
+        let analog = Due {
+            divider: false,
+            regulator: false,
+            analog: true,
+        };
+        let work = [0, 1, 2, 3, 5].map(|block| analog.work(block, false).as_nanos());
+        assert_eq!(work, [967_700, 967_700, 539_000, 967_700, 539_000]);
+    }
 }

@@ -476,4 +476,97 @@ mod tests {
         };
         assert_eq!([549.9, 550.0].map(gives_way), [true, false]);
     }
+
+    /// Quarters of a millimetre are rounded to whole ones, angles to 64ths of a degree; a capsule
+    /// holds up to 63 eighths of a degree.
+    #[test]
+    fn figures_of_nodes_and_capsules_are_rounded() {
+        let mm = |distance_q2| {
+            whole_mm(Seen {
+                distance_q2,
+                ..Seen::default()
+            })
+        };
+        assert_eq!([0, 1, 2, 4_001, 4_002].map(mm), [0, 0, 1, 1_000, 1_001]);
+        assert_eq!(mm(u16::MAX), 16_383);
+        let lead = |lead_deg| {
+            let seen = Seen {
+                lead_deg,
+                distance_q2: 4_000,
+                light: 1.0,
+            };
+            let sample = capsule_sample(seen);
+            (sample.distance_mm, sample.dtheta_q3)
+        };
+        let leads = [0.0, 5.3, 5.32, 7.8, 9.0, -1.0].map(lead);
+        assert_eq!(leads, [0, 42, 43, 62, 63, 0].map(|lead| (1_000, lead)));
+        assert_eq!(
+            [0.0, 0.007, 0.008, 90.0, 361.624].map(whole_q6),
+            [0, 0, 1, 5_760, 23_144]
+        );
+    }
+
+    /// The head at 355 degrees is 6.624 farther on. A point a metre away lies as many degrees
+    /// behind it; without a measurement the angle is the head's, 1.624 degrees of the next turn.
+    #[test]
+    fn a_node_has_the_angle_of_its_point() {
+        let sent = |angle_deg: f64, seen: Seen, fault: Option<Fault>| {
+            let mut lidar = Rplidar::new("lidar", 1, crate::rplidar::Config::default());
+            if let Some(fault) = fault {
+                lidar.faults.set(fault, None);
+            }
+            lidar.node(true, angle_deg, seen);
+            let mut buf = [0; 8];
+            let len = lidar.output.transmit(&mut buf);
+            buf[..len].to_vec()
+        };
+        let node = |quality: u8, angle_q6: u16, distance_q2: u16| {
+            Node::new(true, quality, angle_q6, distance_q2)
+                .as_bytes()
+                .to_vec()
+        };
+        let point = |lead_deg| Seen {
+            distance_q2: 4_000,
+            lead_deg,
+            light: 4.0,
+        };
+        assert_eq!(sent(355.0, point(6.624), None), node(21, 355 * 64, 4_000));
+        assert_eq!(sent(0.5, point(8.0), None), node(21, 22_984, 4_000));
+        assert_eq!(sent(358.0, point(1.0), None), node(21, 232, 4_000));
+        assert_eq!(sent(355.0, Seen::default(), None), node(0, 104, 0));
+        let past = Some(Fault::AnglePast360);
+        assert_eq!(sent(355.0, Seen::default(), past), node(0, 23_144, 0));
+        assert_eq!(sent(358.0, point(1.0), past), node(21, 232, 4_000));
+    }
+
+    /// The head has passed its zero: a node starts a turn, unless it is the first of its scan.
+    #[test]
+    fn the_first_node_of_a_scan_starts_no_turn() {
+        use crate::rplidar::{Config, motor};
+        use crate::world::{BodyConfig, Pose, Scene, Shape};
+        let scene = Scene::new::<Shape>([], vec![]).expect("empty");
+        let world = World::new(scene, BodyConfig::default(), Pose::default(), 1).expect("free");
+        let starts = |sample: u64, angle_deg: f64| {
+            let config = Config::default();
+            let rotor = motor::rotor(config.motor, angle_deg);
+            let mut lidar = Rplidar::new("lidar", 1, config);
+            lidar.rotor = rotor;
+            let scan = (Stream::Forced, Duration::from_micros(500));
+            let at = Instant::from_secs(5);
+            let Phase::Scanning(mut scanning) = Scanning::phase(scan, at, at, 0.0) else {
+                unreachable!("a scan");
+            };
+            scanning.sample = sample;
+            lidar.sample(at, scanning, &world);
+            let mut buf = [0; 8];
+            assert_eq!(lidar.output.transmit(&mut buf), 5);
+            // The start bit, and its complement.
+            buf[0] & 0b11 == 0b01
+        };
+        assert_eq!(
+            [0, 1, 9].map(|sample| starts(sample, 365.0)),
+            [false, true, true]
+        );
+        assert_eq!([0, 1, 9].map(|sample| starts(sample, 5.0)), [false; 3]);
+    }
 }

@@ -450,3 +450,30 @@ fn a_scan_can_be_mirrored_or_turned() {
     assert_eq!(compass(Some(Fault::Mirrored)), [10, 40, 30, 20]);
     assert_eq!(compass(Some(Fault::Turned)), [20, 30, 40, 10]);
 }
+
+/// Figures by the reports of the clients; every other fault has none.
+#[test]
+fn usual_figures_are_those_of_the_reports() {
+    let with_figure = Fault::ALL.into_iter().filter_map(|fault| {
+        let figure = fault.usual_figure()?;
+        Some((fault.name(), figure))
+    });
+    let expected = [
+        ("dust", 400.0),
+        ("uneven", 100.0),
+        ("wrong", 1.1),
+        ("protection-stop", 120.0),
+        ("byte-loss", 20_000.0),
+        ("burst", 64.0),
+        ("unclean-stop", 8.0),
+        ("torn-start", 0.8),
+        ("deaf-start", 0.3),
+        ("conf-empty", 0.0),
+        ("typical-mode", 5.0),
+        ("late-answers", 2.0),
+        ("weak-supply", 400.0),
+        ("slow-stop", 0.5),
+        ("turned", 90.0),
+    ];
+    assert!(with_figure.eq(expected));
+}
