@@ -344,4 +344,11 @@ mod tests {
         assert_eq!(Profile::from_name("rcj2015-2014"), Some(Profile::Rcj2014));
         assert_eq!(Profile::from_name("rcj2015"), None);
     }
+
+    #[test]
+    fn a_profile_is_shown_by_its_name() {
+        let profiles = [Profile::Document, Profile::Rcj2015, Profile::Rcj2014];
+        let shown = profiles.map(|profile| profile.to_string());
+        assert_eq!(shown, ["document", "rcj2015-2015", "rcj2015-2014"]);
+    }
 }

@@ -399,3 +399,14 @@ fn a_board_without_supply_does_not_restart() {
         "the end of a restart is none"
     );
 }
+
+#[test]
+fn a_board_names_its_faults() {
+    let board = CarBoard::new(BoardConfig::default());
+    let of_the_board = ["off", "restart", "stuck", "slow", "battery-low"];
+    let of_its_parts = ["motor", "servo", "hall", "line", "front", "right", "left"];
+    assert_eq!(
+        board.known_faults(),
+        [&of_the_board[..], &of_its_parts].concat()
+    );
+}

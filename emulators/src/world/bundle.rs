@@ -268,6 +268,11 @@ mod tests {
             [ahead(-0.499, 9.0)[0], ahead(-0.501, 9.0)[0]],
             [true, false]
         );
+        // A tolerance of 0.1 mm.
+        assert_eq!(
+            [ahead(0.500_05, 9.0)[0], ahead(0.500_15, 9.0)[0]],
+            [true, false]
+        );
         assert_eq!([ahead(0.0, 0.999)[0], ahead(0.0, 1.001)[0]], [false, true]);
         assert_eq!([ahead(0.299, 9.0)[2], ahead(0.301, 9.0)[2]], [true, false]);
         assert_eq!(

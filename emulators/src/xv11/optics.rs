@@ -258,7 +258,7 @@ mod tests {
         near(range_sigma_mm(1_150.0), 1.997_9);
         near(range_sigma_mm(287.5), 0.088_29);
         near(range_sigma_captured_mm(550.0), 0.345);
-        near(range_sigma_captured_mm(275.0), 0.345 / 2.0_f64.powf(1.7));
+        near(range_sigma_captured_mm(275.0), 0.345 / libm::pow(2.0, 1.7));
         near(range_sigma_captured_mm(2_750.0), 0.75 * 0.42 * 33.83);
         near(range_sigma_captured_21_mm(1_000.0), 0.62 * (2.73 + 0.89));
         near(range_sigma_captured_21_mm(100.0), 0.62 * (0.273 + 0.008_9));

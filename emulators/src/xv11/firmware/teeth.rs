@@ -547,4 +547,34 @@ mod tests {
         let restart_at = lidar.firmware.restart_at.expect("it restarts");
         assert_eq!((restart_at - seen.at).as_micros(), 603_000);
     }
+
+    /// Five degrees behind the last tooth seen, at the end of a turn as within it: at some 280 rpm
+    /// they take 3 ms. Behind the last tooth of a turn the head's angle has begun anew.
+    #[test]
+    fn a_place_behind_a_tooth_is_reached_soon_in_each_part_of_a_turn() {
+        let scene = Scene::new::<Shape>([], vec![]).expect("empty");
+        let body = BodyConfig::default();
+        let mut world = World::new(scene, body, Pose::default(), 1).expect("free");
+        let (mut lidar, _) = turning(3, 1.0 / 75.0);
+        let mut seen = [false; 2];
+        for _ in 0..2_000 {
+            let now = crate::device::Device::poll_at(&lidar).expect("it turns");
+            let before = lidar.encoder.tooth();
+            crate::device::Device::poll(&mut lidar, now, &mut world);
+            if lidar.encoder.tooth() == before {
+                continue;
+            }
+            let is_last = lidar.encoder.tooth() == 0;
+            let turn_deg = if is_last { 360.0 } else { 0.0 };
+            let at = lidar.reaches(lidar.rotor.angle_deg() + turn_deg + 5.0);
+            let after_s = (at.expect("it turns") - now).as_secs_f64();
+            let expected_s = 5.0 / (lidar.rotor.speed_rpm() * 6.0);
+            assert!(
+                (after_s / expected_s - 1.0).abs() < 0.05,
+                "{after_s} {expected_s}"
+            );
+            seen[usize::from(is_last)] = true;
+        }
+        assert_eq!(seen, [true; 2]);
+    }
 }
