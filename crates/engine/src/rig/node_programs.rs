@@ -112,8 +112,8 @@ impl Rig {
 
 #[cfg(test)]
 mod tests {
+    use core::fmt::Write as _;
     use core::time::Duration;
-    use std::fmt::Write as _;
     use std::sync::{Arc, Mutex};
 
     use nodes::message::{Answer, Reply};
@@ -200,12 +200,12 @@ mod tests {
     }
 
     /// The clock stands at these times, in ms, when it is read before and after each answer.
-    fn slow(times: &[u64]) -> Option<String> {
+    fn slow(times: [u64; 6]) -> Option<String> {
         let mut rig = bare::rig();
         let next = Some(Instant::from_micros(5));
         rig.add_device("one", answers(&[hello(true), reply(next), reply(None)]));
         rig.add_device("two", answers(&[hello(true), reply(None)]));
-        let times = Mutex::new(times.to_vec().into_iter());
+        let times = Mutex::new(times.into_iter());
         let stopwatch: Stopwatch = Arc::new(move || {
             let time = times.lock().expect("one thread").next();
             Duration::from_millis(time.expect("three answers"))
@@ -225,9 +225,9 @@ mod tests {
                  longest {longest} ms"
             ))
         };
-        assert_eq!(slow(&[0, 5, 10, 15, 20, 25]), None);
-        assert_eq!(slow(&[0, 6, 10, 17, 20, 29]), sentence("one", 2, 9));
-        assert_eq!(slow(&[0, 6, 10, 30, 40, 49]), sentence("two", 1, 20));
+        assert_eq!(slow([0, 5, 10, 15, 20, 25]), None);
+        assert_eq!(slow([0, 6, 10, 17, 20, 29]), sentence("one", 2, 9));
+        assert_eq!(slow([0, 6, 10, 30, 40, 49]), sentence("two", 1, 20));
     }
 
     /// Ends 3 and 0 become ports 0 and 1 of the device. The other ends stay.

@@ -599,4 +599,17 @@ mod tests {
         let marks = resampler.take_marks();
         assert_eq!((marks.len(), resampler.take_marks().len()), (1, 0));
     }
+
+    /// A hundred characters back to back, each fed by itself, at another rate than that of the
+    /// receiver: only bits of the last one or two, ten each, may be left to read.
+    #[test]
+    fn bits_that_were_read_are_not_kept() {
+        let [sender, receiver] = [115_200, 100_000].map(LineConfig::new_8n1);
+        let mut resampler = Resampler::default();
+        for number in 0..100 {
+            let start = Instant::ZERO + sender.bytes_time(number);
+            resampler.feed(&mut vec![0x55], start, sender, receiver);
+            assert!(resampler.bits.len() <= 20, "{number}");
+        }
+    }
 }

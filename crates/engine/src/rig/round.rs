@@ -434,8 +434,8 @@ mod tests {
         );
     }
 
-    /// Zero at 100 kbaud is low for 90 us, longer than a character at 1 Mbaud. The receiver gets the
-    /// error; observers, which know the rates, get none.
+    /// Zero at 100 kbaud is low for 90 us, longer than a character at 1 Mbaud. The receiver gets
+    /// the error; observers, which know the rates, get none.
     #[test]
     fn observers_see_no_framing_error() {
         let (mut rig, port) = board(LinkKind::Uart, 1, Probe::default());
@@ -545,5 +545,41 @@ mod tests {
             seen,
             [Some(at(0)), Some(at(10)), Some(at(12)), Some(at(15)), None]
         );
+    }
+
+    /// The bytes of the third of three links arrive 5 ms late; their echo does not. It is back when
+    /// its byte is sent, after 10 us, although nothing else happens at its end then.
+    #[test]
+    fn an_echo_does_not_wait_for_its_late_byte() {
+        for side in [0, 1] {
+            let names = ["one", "two", "three"];
+            let (mut rig, [.., ends]) = bare::linked(names, 1_000_000);
+            for direction in Direction::BOTH {
+                let line = rig.line_mut(2, direction);
+                line.faults
+                    .add(FaultId(0), Window::ALWAYS.into(), Effect::Echo);
+                line.latency = core::time::Duration::from_millis(5);
+            }
+            rig.inject(ends[side].node, &[1]);
+            rig.run_until(at(10));
+            assert_eq!(rig.take_output(ends[side].node).to_vec(), [1]);
+            assert_eq!(rig.output_len(ends[1 - side].node), 0);
+        }
+    }
+
+    /// At 5 us a device is told to send a byte at 20 us. Until then the line does not ask for it,
+    /// also if another run begins before.
+    #[test]
+    fn bytes_that_are_planned_leave_at_their_time() {
+        let (mut rig, port) = board(LinkKind::Uart, 1, Probe::default());
+        rig.run_until(at(5));
+        let probe = rig.device_to_plan::<Probe>("board").expect("it is there");
+        probe.to_send.push_back(7);
+        probe.wakes_at = Some(at(20));
+        let arrived = [at(15), at(29), at(30)].map(|time| {
+            rig.run_until(time);
+            rig.output_len(port)
+        });
+        assert_eq!(arrived, [0, 0, 1]);
     }
 }

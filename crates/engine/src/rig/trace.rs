@@ -131,4 +131,12 @@ mod tests {
         assert_eq!(trace.hash(), fingerprint(&all));
         assert_eq!(format!("{trace:?}"), format!("Trace({})", trace.hash()));
     }
+
+    /// A fingerprint writes no file, so nothing can go wrong with one.
+    #[test]
+    fn a_trace_has_no_trouble() {
+        let mut trace = Trace::default();
+        assert_eq!(trace.take_trouble(), None);
+        assert!(trace.finish().is_ok());
+    }
 }

@@ -449,20 +449,22 @@ fn a_few_buffers_are_used_again() {
     assert_eq!(arrivals(&mut line), [(10, vec![9])]);
 }
 
-/// Four characters, the third with a wrong parity bit, into a queue of two or three bytes that is
-/// read at 100 us: the damaged one came after two bytes, so the short queue was full before it.
+/// Four characters, one of them with a wrong parity bit, into a queue of two or three bytes that is
+/// read at 100 us. If the third one is damaged it comes after two bytes: the short queue was full
+/// before it. The second one comes after one byte, when there is room.
 #[test]
 fn a_full_queue_has_no_room_for_a_damaged_character() {
-    let marks = |fifo| {
+    let marks = |damaged, fifo| {
         let mut line = line();
-        strike(&mut line, 2, Damage::ParityError);
+        strike(&mut line, damaged, Damage::ParityError);
         during(&mut line, 0, 100, Effect::Overrun { fifo });
         take(&mut line, 1, &[1, 2, 3, 4]);
         let delivery = deliveries(&mut line).remove(0);
         (delivery.bytes, delivery.marks.len())
     };
-    assert_eq!(marks(2), (vec![1, 2], 0));
-    assert_eq!(marks(3), (vec![1, 2, 4], 1));
+    assert_eq!(marks(2, 2), (vec![1, 2], 0));
+    assert_eq!(marks(2, 3), (vec![1, 2, 4], 1));
+    assert_eq!(marks(1, 2), (vec![1, 3], 1));
 }
 
 /// Marks before bytes 1, 4 and 6. A piece of bytes 2 to 5 takes the first one, which lies before

@@ -741,3 +741,11 @@ fn a_trigger_counts_messages() {
         assert_eq!(copies, [1, 1, 0, 0, 1], "{trigger:?}");
     }
 }
+
+/// A burst of three bytes inverts bits 0 and 1 of each, whatever they were.
+#[test]
+fn a_burst_inverts_the_bits_of_its_mask() {
+    let mut faults = struck(Damage::Burst { len: 3, mask: 0x03 });
+    let arrived = at_once(&mut faults, &[0x01, 0x02, 0x03, 0xF0, 0x01]).bytes;
+    assert_eq!(arrived, [0x01, 0x01, 0x00, 0xF3, 0x01]);
+}
