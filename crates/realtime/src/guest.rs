@@ -68,10 +68,6 @@ mod watchdog;
 #[cfg(not(all(target_os = "linux", target_arch = "x86_64")))]
 mod elsewhere;
 
-#[cfg(test)]
-#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
-mod tests;
-
 use std::path::PathBuf;
 
 use crate::exec::{self, ExecError, Foreign};
@@ -136,3 +132,7 @@ pub fn judge(
     turned.map_err(refused)?;
     Ok(Some(played.outcome))
 }
+
+#[cfg(test)]
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod tests;

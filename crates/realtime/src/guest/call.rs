@@ -353,7 +353,8 @@ mod tests {
         assert_eq!(call.stack(), stopped.registers().rsp);
         assert_eq!(call.registers().r9, 6);
         type Change<'a> = &'a dyn Fn(&Call) -> nix::Result<()>;
-        let cases: [(Change<'_>, (i64, [u64; 6], i64, u64)); 9] = [
+        type Seen = (i64, [u64; 6], i64, u64);
+        let cases: [(Change<'_>, Seen); 9] = [
             (&|it| it.answer(pid, -5), (-1, own, -5, 0x1000)),
             (
                 &|it| it.with(pid, 0, 9),

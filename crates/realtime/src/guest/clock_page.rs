@@ -542,8 +542,8 @@ mod tests {
         );
     }
 
-    /// Reads are at 2,304, counts of bytes at 2,816: a word has the time from bit 10 on, the port in
-    /// bits 8 and 9, the length below.
+    /// Reads are at 2,304, counts of bytes at 2,816: a word has the time from bit 10 on, the port
+    /// in bits 8 and 9, the length below.
     #[test]
     fn what_was_counted_is_taken() {
         let room = Room::new(4_096);

@@ -236,8 +236,10 @@ mod tests {
     fn a_step_over_a_breakpoint_is_a_part_of_the_next_hit() {
         let steps = |count| Leg::Steps { thread: 0, count };
         let after = |first: Leg, count| {
-            let mut place = Place::default();
-            place.legs = vec![first, steps(count)];
+            let mut place = Place {
+                legs: vec![first, steps(count)],
+                ..Place::default()
+            };
             place.hit(16);
             place.legs
         };

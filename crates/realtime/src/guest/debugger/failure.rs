@@ -278,8 +278,10 @@ mod tests {
         assert!(matches!(spot, Spot::Call(moment) if moment.calls == 77));
         let (what, _) = found(checks(), None).expect("two");
         assert_eq!(what, "a fails at 3.000000 s: detail of a");
-        let mut died = Watch::default();
-        died.died = Some((3, at(500)));
+        let died = Watch {
+            died: Some((3, at(500))),
+            ..Watch::default()
+        };
         let failure = died
             .failure(&outcome(checks()), Some(at(500)), &log)
             .expect("two");

@@ -1,8 +1,8 @@
 //! A session whose debugged process stands, and which no debugger has connected to.
 
-use std::cell::RefCell;
-
+use core::cell::RefCell;
 use core::num::NonZeroUsize;
+
 use gdbstub::target::ext::auxv::Auxv as _;
 use gdbstub::target::ext::base::multithread::{
     MultiThreadBase as _, MultiThreadRangeStepping as _, MultiThreadResume as _,

@@ -130,7 +130,9 @@ fn requests_about_lines_are_wishes() {
             serde_json::from_str::<Value>(&line).unwrap_or_default(),
         )
     };
-    let wish = |dtr: Option<bool>, rts: Option<bool>| json!({"do": "modem", "port": "sonar", "dtr": dtr, "rts": rts});
+    let wish = |dtr: Option<bool>, rts: Option<bool>| -> Value {
+        json!({"do": "modem", "port": "sonar", "dtr": dtr, "rts": rts})
+    };
     let at = room.at(0);
     for (request, word, expected) in [
         (libc::TIOCMBIS, 6_u32, wish(Some(true), Some(true))),

@@ -385,7 +385,7 @@ mod tests {
             bench.supervisor.go_on_in_loop(tid),
             Flow::Goes(None)
         ));
-        // All others wait in loops as well, and so nobody is first.
+        // All others wait in loops as well, so none of them is first.
         bench.supervisor.queue = [bench.tid].into();
         bench.thread().in_loop_at = Some(1);
         assert!(matches!(bench.supervisor.spins(tid), Flow::Stays));

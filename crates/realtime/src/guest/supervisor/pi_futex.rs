@@ -263,7 +263,7 @@ mod tests {
         bench.supervisor.pi_after_death();
         assert_eq!(word(&room), tid.cast_unsigned() | OWNER_DIED);
         assert!(bench.thread().is_woken);
-        // A lock that nobody has is given as well.
+        // A lock without an owner is given as well.
         bench.thread().is_woken = false;
         bench.thread().state = wait;
         room.put(0, &[0; 4]);

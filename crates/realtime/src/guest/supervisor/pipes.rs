@@ -100,8 +100,8 @@ mod tests {
     use crate::guest::supervisor::tests::{Bench, Told, fd};
     use crate::guest::tests::Room;
 
-    /// pipe(7): up to 4,096 bytes are written together once there is room; a longer write takes
-    /// what there is and waits. A pipe has 65,536 bytes.
+    /// pipe(7): up to 4,096 bytes are written together once there is room; a longer write fills
+    /// the pipe and waits. A pipe has 65,536 bytes.
     #[test]
     fn a_long_write_waits_for_its_reader() {
         let mut bench = Bench::new();

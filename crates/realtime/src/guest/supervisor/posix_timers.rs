@@ -283,7 +283,7 @@ mod tests {
             (told, place.numbers()[0])
         };
         assert_eq!(make(&mut bench, 0), (Told::Answer(0), 0));
-        let told = event(0x1234_5678_9, 34, SIGEV_SIGNAL, -1);
+        let told = event(0x1_2345_6789, 34, SIGEV_SIGNAL, -1);
         assert_eq!(make(&mut bench, told.at(0)), (Told::Answer(0), 1));
         let told = event(7, 64, SIGEV_THREAD, -1);
         assert_eq!(make(&mut bench, told.at(0)), (Told::Answer(0), 2));
@@ -299,7 +299,7 @@ mod tests {
             .collect();
         let expected = [
             (14, 0, None, 1),
-            (34, 0x1234_5678_9, None, 1),
+            (34, 0x1_2345_6789, None, 1),
             (64, 7, None, 1),
             (0, 7, None, 1),
             (1, 7, Some(tid), 1),

@@ -197,7 +197,8 @@ mod tests {
     /// proc(5): a range, its rights with `p` for private memory, and more.
     #[test]
     fn writable_memory_is_read_from_the_list() {
-        let all = "1000-3000 rw-p 0 00:00 0\n4000-5000 r--p 0 00:00 0\n6000-6010 rw-p 0 00:00 0 [heap]\n\
+        let all = "1000-3000 rw-p 0 00:00 0\n4000-5000 r--p 0 00:00 0\n\
+                   6000-6010 rw-p 0 00:00 0 [heap]\n\
                    7000-8000 rwxp 0 00:00 0\n9000-a000 r-xs 0 00:00 0\n";
         assert_eq!(
             fixed(all).writable(),

@@ -262,7 +262,7 @@ mod tests {
         assert!((70..130).contains(&late), "{late} of about 100");
         assert!((320..450).contains(&yields), "{yields} of about 383");
         assert_eq!(goes + yields + late, 2_400);
-        // Without others there is nobody to go first.
+        // Without others none can go first.
         for _ in 0..200 {
             bench.supervisor.call_by_schedule(tid);
             assert!(bench.supervisor.queue.is_empty());

@@ -375,8 +375,8 @@ mod tests {
         assert_eq!(wants(libc::SYS_rt_sigsuspend), 0);
     }
 
-    /// nanosleep(2) writes to its second argument, clock_nanosleep(2) to its fourth, unless its time
-    /// is one of a clock.
+    /// nanosleep(2) writes to its second argument, clock_nanosleep(2) to its fourth, unless its
+    /// time is one of a clock.
     #[test]
     fn a_sleep_that_was_cut_short_says_the_rest() {
         let memory = Memory(crate::guest::tests::own());

@@ -533,8 +533,8 @@ mod tests {
         );
     }
 
-    /// TIOCEXCL and TIOCNXCL (ioctl_tty(2)): further openings are refused, except for processes with
-    /// CAP_SYS_ADMIN, 21.
+    /// TIOCEXCL and TIOCNXCL (ioctl_tty(2)): further openings are refused, except for processes
+    /// with CAP_SYS_ADMIN, 21.
     #[test]
     fn a_port_may_be_exclusive() {
         let mut bench = Bench::new();

@@ -113,7 +113,7 @@ fn programs_are_gone_when_one_has_failed_or_all_have_ended() {
     let _port = bench.opens("sonar");
     let (mut trial, _folder) = trial_of(bench);
     trial.programs = vec![started("other", 2, code(0))];
-    assert!(!trial.is_gone(), "somebody has a port");
+    assert!(!trial.is_gone(), "a client has a port");
 }
 
 #[test]
@@ -135,7 +135,7 @@ fn the_first_end_is_the_earliest() {
     assert!(trial.moment().is_none(), "three programs");
 }
 
-/// A turn lets time pass, as nobody can run; it takes note of ends.
+/// A turn lets time pass, as no thread can run; it takes note of ends.
 #[test]
 fn a_turn_takes_note_of_ends() {
     use crate::guest::supervisor::tests::ends_with;

@@ -153,7 +153,7 @@ fn a_thread_of_the_debugged_process_is_known_by_its_birth() {
     let exe = std::fs::read_link(format!("/proc/{pid}/exe")).ok();
     assert_eq!(it.supervisor().debugged_file(), exe);
     let vector = it.supervisor().auxiliary_vector().expect("it stands");
-    assert!(vector.len() % 16 == 0 && vector.ends_with(&[0; 8]));
+    assert!(vector.len().is_multiple_of(16) && vector.ends_with(&[0; 8]));
 }
 
 /// A thread that has begun a call stands before it, for people; its registers cannot be set then.
@@ -427,7 +427,7 @@ fn a_thread_goes_by_single_instructions() {
     assert_eq!(
         one(&mut it),
         (false, false, None),
-        "nobody has asked for it"
+        "no debugger has asked for it"
     );
     it.debugging().set_step(Some(step(0..0)));
     assert_eq!(one(&mut it), (true, true, Some(Stop::Step(pid))));
