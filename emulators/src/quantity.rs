@@ -316,7 +316,7 @@ impl Watchdog {
     /// Makes `variables` safe if the master is silent by `now`.
     pub(crate) fn poll(&mut self, now: Instant, variables: &mut Variables, log: &mut EventLog) {
         if self.silent_at.take_if(|at| *at <= now).is_some() && variables.make_safe(now) {
-            let detail = "the master is silent: values are safe now".to_owned();
+            let detail = "the master is silent: variables are set to their safe values".to_owned();
             log.note(now, "made-safe", detail);
         }
     }
@@ -346,7 +346,7 @@ impl Variable {
             ))
         } else if least > greatest {
             Some(format!(
-                "limits are {least} and {greatest}, expected least and greatest"
+                "limits are {least} and {greatest}, expected the lower one first"
             ))
         } else if !within(*initial) {
             Some(format!(

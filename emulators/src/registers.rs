@@ -150,7 +150,7 @@ impl Registers {
         let variables = Variables::new(known.map(|r| r.variable.clone()).collect())?;
         let board = Board::new(&config.board, &variables).map_err(|name| VariableError {
             index: 0,
-            message: format!("there is no register \"{name}\" for a line to follow"),
+            message: format!("there is no register \"{name}\", which a modem line follows"),
         })?;
         Ok(Self {
             board,
@@ -378,7 +378,9 @@ impl Device for Registers {
             let before = (self.decoder.discarded(), self.decoder.pending());
             let heard: Vec<_> = self.decoder.push(&[byte]).collect();
             if heard.is_empty() && self.decoder.discarded() > before.0 && before.1 == 0 {
-                self.tell(at, "stray-bytes", || format!("{byte:02X} begins no frame"));
+                self.tell(at, "stray-bytes", || {
+                    format!("byte {byte:02X} outside a frame")
+                });
             }
             heard.into_iter().for_each(|heard| self.hear(at, heard));
         }

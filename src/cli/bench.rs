@@ -135,7 +135,7 @@ fn measured(
 
 /// Processor time so far. A run has one thread.
 fn cpu_time() -> Result<Duration, CliError> {
-    let message = "bench: this system does not tell the processor time of a thread";
+    let message = "bench: this system does not report the processor time of a thread";
     thread_cpu_time().ok_or_else(|| CliError::Usage(message.to_owned()))
 }
 

@@ -138,7 +138,7 @@ pub(super) fn run(args: DebugArgs) -> Result<Verdict, CliError> {
     };
     if let Some(by) = cut_by {
         let (ran, all) = (played.outcome.ran.as_secs_f64(), scenario.duration);
-        let detail = format!("ended by {by} at {ran:.6} s, its time is {all}");
+        let detail = format!("ended by {by} at {ran:.6} s, expected to run for {all}");
         let check = Check::new("ran-to-its-end", false, detail);
         played.outcome.checks.push(check);
     }

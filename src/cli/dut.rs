@@ -65,7 +65,10 @@ pub(super) fn run(args: DutArgs) -> Result<Verdict, CliError> {
             None => args.dir.join(port.name),
         };
         if port.is_optional && !path.exists() {
-            eprintln!("{}: not there, going without it", path.display());
+            eprintln!(
+                "{}: does not exist and is optional; continuing without it",
+                path.display()
+            );
             continue;
         }
         opened.push((port.port, Serial::open(&path, port.line)?));

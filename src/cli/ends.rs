@@ -120,7 +120,10 @@ fn open(place: &NamedPort, end: &OpenEnd, rig: &Rig) -> Result<Box<dyn Transport
     let link = rig.link(&end.link);
     if !link.is_some_and(|link| link.kind.carries_messages()) {
         let name = &end.name;
-        let text = format!("--dut-at {name}: packets need a link of messages, this is a line");
+        let text = format!(
+            "--dut-at {name}: udp carries whole messages, but this link carries single bytes; \
+             expected a serial port, or a link of messages"
+        );
         return Err(CliError::Usage(text));
     }
     Ok(Box::new(Udp::open(address)?))

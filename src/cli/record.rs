@@ -164,14 +164,14 @@ fn report<C: Clock>(recorder: &Recorder<C>, file: &Path) {
         print!("  {name}: {there} B to the program, {back} B to the device");
         match to_master.lost + to_device.lost {
             0 => println!(),
-            lost => println!(", {lost} B lost: the far end was closed"),
+            lost => println!(", {lost} B lost: the receiving port was closed"),
         }
     }
     let held = recorder.held();
     let us = |at: core::time::Duration| at.as_micros();
     if held.count() > 0 {
         println!(
-            "  handed on after {} us (p50), {} us (p99), {} us (max)",
+            "  forwarded after {} us (p50), {} us (p99), {} us (max)",
             us(held.quantile(500)),
             us(held.quantile(990)),
             us(held.max())

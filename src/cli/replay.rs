@@ -161,7 +161,7 @@ pub(super) fn read(path: &Path) -> Result<Capture, CliError> {
         eprintln!("{shown} is broken {error}; only the part before the error is used");
     } else if capture.cut > 0 {
         eprintln!(
-            "{shown} was cut: {} bytes at its end are no whole block",
+            "{shown} was cut: {} bytes at its end are not a complete block",
             capture.cut
         );
     }
@@ -183,10 +183,10 @@ pub(super) fn shortened(path: &Path, recorded: Recorded) -> Recorded {
     let (path, max) = (path.display(), SILENCE_MAX.as_secs());
     for Silence { from, lasted, .. } in silences.all().iter().take(SILENCES_TOLD) {
         let lasted = lasted.as_secs_f64();
-        eprintln!("{path}: nothing for {lasted:.0} s from {from} s on; played as {max} s");
+        eprintln!("{path}: the silence of {lasted:.0} s at {from} s is played as {max} s");
     }
     if let Some(more @ 1..) = silences.all().len().checked_sub(SILENCES_TOLD) {
-        eprintln!("{path}: {more} more silences played as {max} s");
+        eprintln!("{path}: {more} more silences are played as {max} s each");
     }
     recorded
 }

@@ -297,7 +297,7 @@ fn a_cut_or_broken_capture_is_told_up_to_the_damage() {
     let output = session.hilrig(&["decode", "cut.pcapng"]);
     assert_eq!(output.status.code(), Some(0));
     assert!(
-        text(&output.stderr).contains("no whole block"),
+        text(&output.stderr).contains("not a complete block"),
         "{}",
         text(&output.stderr)
     );

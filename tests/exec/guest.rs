@@ -110,7 +110,10 @@ fn a_python_program_with_a_reader_thread_is_the_same_twice() {
     let ended = run("threads", "python3 program.py", &files, &["--check"]);
     assert_eq!(ended.failed(), Vec::<&str>::new(), "{}", ended.said);
     let (_, detail) = ended.check("deterministic");
-    assert!(detail.starts_with("twice the same bytes"), "{detail}");
+    assert!(
+        detail.starts_with("both runs gave the same bytes"),
+        "{detail}"
+    );
     let first: Vec<&str> = ended.log.lines().take(4).collect();
     assert_eq!(first, ["0.5", "1.0", "1.5", "2.0"], "{}", ended.log);
     assert!(ended.log.contains("4 pongs"), "{}", ended.log);

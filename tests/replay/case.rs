@@ -398,7 +398,7 @@ fn a_case_without_a_robot_expects_nothing_of_a_program() {
     assert_eq!(status.code(), Some(2), "{told}");
     assert_eq!(
         told,
-        "error: d.toml: expected a [scenario] that says whose program is meant\n"
+        "error: d.toml: expected a [scenario] with the robot whose program is tested\n"
     );
 }
 
@@ -414,8 +414,8 @@ fn a_case_of_a_foreign_program_says_which_program_it_tests() {
         .replace("clock=virtual", "clock=utc");
     capture.sections[0].about = about;
     write(&capture, &path);
-    let expected = "tested is the built-in program of the robot rescue, not the captured one: \
-                    --exec CMD tests that";
+    let expected = "the built-in program of the robot rescue was tested, not the captured \
+                    program; --exec CMD tests yours";
     for command in [
         &["case", "from", "live.pcapng", "-o", "live.toml"][..],
         &["run", "live.toml"],

@@ -103,9 +103,9 @@ fn a_day_of_silence_in_a_capture_is_played_as_a_minute() {
     ] {
         let (_, said, told) = hilrig(&folder, command);
         if command[0] != "export" {
-            let expected = "capture.pcapng: nothing for 86400 s from ";
+            let expected = "capture.pcapng: the silence of 86400 s at ";
             assert!(told.contains(expected), "{command:?}: {said}{told}");
-            assert!(told.contains("s on; played as 60 s"), "{told}");
+            assert!(told.contains("s is played as 60 s"), "{told}");
         }
     }
     // Poses after the silence keep the capture's own times.

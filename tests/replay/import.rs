@@ -500,7 +500,7 @@ fn an_error_in_a_dump_is_told_with_its_line_and_byte() {
         error
     };
     let head = "> 2026/11/21 07:58:48.000761120  length=3 from=0 to=2\n";
-    insta::assert_snapshot!(says(&format!("{head} fa a0 zz\n--\n"), &[]), @r#"error: d.txt: line 2 (byte 54): expected 1 to 3 bytes of two hex digits behind spaces, as socat -x writes (socat -v alone does not tell all bytes)"#);
+    insta::assert_snapshot!(says(&format!("{head} fa a0 zz\n--\n"), &[]), @r#"error: d.txt: line 2 (byte 54): expected 1 to 3 bytes of two hex digits behind spaces, as socat -x writes (socat -v alone does not show all bytes)"#);
     insta::assert_snapshot!(says(&format!("{head} fa a0\n"), &[]), @r#"error: d.txt: line 2 (byte 54): the last block ends after 2 of 3 bytes"#);
     insta::assert_snapshot!(says("2026-11-21 07:58:50.596918: A\nFA A\n", &[]), @r#"error: d.txt: line 2 (byte 30): expected up to 16 bytes of two hex digits with a space between"#);
     insta::assert_snapshot!(says("uart-1: FA\nuart-1: \u{e9}\n", &["--baud", "9600"]), @r#"error: d.txt: line 2 (byte 11): found "\u{e9}", expected two hex digits: choose -A uart=rx-data"#);

@@ -110,7 +110,7 @@ fn a_file_without_scans_says_what_was_expected() {
         .expect_err("no scan")
         .to_string();
     assert!(
-        error.starts_with("no laser's scan in it, expected foxglove.LaserScan"),
+        error.starts_with("contains no laser scan, expected foxglove.LaserScan"),
         "{error}"
     );
     let error = read(b"\x89MCAP0\r\n")

@@ -435,7 +435,7 @@ fn programs_that_cannot_be_fuzzed_are_named_with_the_reason() {
     let exec = |command: &str, more: &[&str]| said(&[&["--exec", command], more, &on].concat());
     assert_eq!(
         said(&["--exec", "true"]),
-        "error: --scenario is missing, expected the one whose devices the program is to meet, \
+        "error: --scenario is missing, expected a scenario with the program's devices, \
          --description of its device, or --corpus with bytes of a device\n"
     );
     assert_eq!(

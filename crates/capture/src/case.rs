@@ -151,7 +151,7 @@ pub enum CaseError {
         path: PathBuf,
     },
     /// The case has expectations of a program but names no program.
-    #[error("{}: expected a [scenario] that says whose program is meant", .path.display())]
+    #[error("{}: expected a [scenario] with the robot whose program is tested", .path.display())]
     NoRobot {
         /// The file.
         path: PathBuf,
@@ -326,8 +326,8 @@ impl Case {
         let note = self.is_foreign.then(|| {
             let robot = &scenario.robot;
             format!(
-                "tested is the built-in program of the robot {robot}, not the captured one: \
-                 --exec CMD tests that"
+                "the built-in program of the robot {robot} was tested, not the captured program; \
+                 --exec CMD tests yours"
             )
         });
         Ok(Judgement {

@@ -236,7 +236,7 @@ impl<'a> Compiler<'a> {
             let key = format!("{key}.limits");
             self.wrong(
                 key,
-                format!("are {least} and {most}, expected least and greatest"),
+                format!("are {least} and {most}, expected two numbers, the lower one first"),
             );
         }
     }
@@ -255,7 +255,7 @@ impl<'a> Compiler<'a> {
         if scale == 0.0 || !scale.is_finite() {
             self.wrong(
                 format!("{key}.scale"),
-                format!("is {scale}, expected a number but 0"),
+                format!("is {scale}, expected a number other than 0"),
             );
         }
         if !offset.is_finite() {

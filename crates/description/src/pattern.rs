@@ -71,7 +71,7 @@ pub(crate) fn pieces(text: &str) -> Result<Vec<Piece>, String> {
                 .strip_prefix('{')
                 .and_then(|inner| inner.split_once('}'));
             let (hole, after) =
-                inner.ok_or_else(|| format!("\"{text}\" has a brace without its other one, expected {{{{ and }}}} for braces"))?;
+                inner.ok_or_else(|| format!("\"{text}\" has a brace without its partner, expected {{{{ and }}}} for literal braces"))?;
             if !words.is_empty() {
                 pieces.push(Piece::Words(core::mem::take(&mut words)));
             }
@@ -476,11 +476,11 @@ mod tests {
         for (text, expected) in [
             (
                 "{a",
-                "has a brace without its other one, expected {{ and }} for braces",
+                "has a brace without its partner, expected {{ and }} for literal braces",
             ),
             (
                 "a}",
-                "has a brace without its other one, expected {{ and }} for braces",
+                "has a brace without its partner, expected {{ and }} for literal braces",
             ),
             ("{}", "expected a name of letters"),
             ("{a:q}", "expected a format such as d"),

@@ -99,7 +99,7 @@ impl Contents {
     pub fn log(mut self) -> Result<Log, BagError> {
         let most = self.scans.iter().max_by_key(|(_, scans)| scans.len());
         let Some(topic) = most.map(|(topic, _)| topic.clone()) else {
-            return Err(self.nothing("no laser's scan in it"));
+            return Err(self.nothing("contains no laser scan"));
         };
         let scans = self.scans.remove(&topic).unwrap_or_default();
         let (source, poses) = self.poses.pop_first().unzip();
@@ -228,7 +228,7 @@ fn pose([x, y]: [f64; 2], [qx, qy, qz, qw]: [f64; 4]) -> Result<Pose, Refusal> {
     if [x, y].iter().all(|part| part.abs() < FAR_M) && theta.is_finite() {
         Ok(Pose::new(x, y, theta))
     } else {
-        let words = format!("pose {x} {y} {theta}: no place that robots drive to");
+        let words = format!("pose {x} {y} {theta}: expected less than {FAR_M} m");
         Err((Kind::Absurd, words))
     }
 }

@@ -187,13 +187,13 @@ impl Reader {
         let mut notes = vec![kind.words().to_owned()];
         if self.ignored > 0 {
             notes.push(format!(
-                "{} messages of other kinds passed over",
+                "{} messages of other kinds were skipped",
                 self.ignored
             ));
         }
         let by_number = stamps_are_useless(&self.messages);
         if by_number {
-            notes.push("the scans' times are all alike: their numbers stand in".to_owned());
+            notes.push("many scans have the same time: scan numbers replace the times".to_owned());
         }
         let mut chain = Chain::new(kind);
         let mut clock = LogClock::default();

@@ -29,7 +29,7 @@ impl Kind {
             Self::Part => "parts of the recording that are damaged or missing",
             Self::Blind => "scans without a return",
             Self::Backwards => "scans older than the one before",
-            Self::Absurd => "messages with absurd numbers",
+            Self::Absurd => "messages with impossible numbers",
         }
     }
 }

@@ -240,7 +240,7 @@ impl AvrBase {
             if asked.abs() > SET_POINT_MAX {
                 let rule = rules::SET_POINT_OUT_OF_RANGE;
                 self.journal.violation(at, rule, &request.bytes, || {
-                    format!("speed {asked}; the regulator goes to {SET_POINT_MAX}")
+                    format!("speed {asked}, limit {SET_POINT_MAX}")
                 });
             }
         }

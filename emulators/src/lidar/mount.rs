@@ -29,9 +29,9 @@ impl Default for Mount {
 /// Direction of rotation of the head, seen from above.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Direction {
-    /// Direction of all reports except one.
+    /// The direction that all sources give, except one.
     #[default]
     CounterClockwise,
-    /// Direction of that one report.
+    /// The opposite direction, which one source gives.
     Clockwise,
 }

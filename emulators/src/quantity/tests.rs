@@ -91,7 +91,7 @@ fn variables_that_cannot_be_are_refused() {
     assert!(fault(|v| v.name = "a b".into()).contains("expected letters"));
     assert!(fault(|v| v.initial = 101).contains("initial is 101"));
     assert!(fault(|v| v.safe = Some(-101)).contains("safe is -101"));
-    assert!(fault(|v| v.limits = [1, 0]).contains("least and greatest"));
+    assert!(fault(|v| v.limits = [1, 0]).contains("the lower one first"));
     let period = Duration::ZERO;
     assert!(Variables::new(vec![variable("a", ValueSource::Counter { period })]).is_err());
 }

@@ -67,7 +67,7 @@ impl Rplidar {
             let was_idle = self.requests.pending() == 0;
             let outcomes: Vec<_> = self.requests.push(&[byte]).collect();
             if outcomes.is_empty() && was_idle && self.requests.pending() == 0 {
-                let detail = || format!("{byte:02X} begins no request");
+                let detail = || format!("byte {byte:02X} outside a request");
                 let kind = EventKind::Violation;
                 self.log.repeated(at, kind, "stray-bytes", detail);
             }

@@ -44,7 +44,7 @@ impl Source {
             eprintln!("{name} is broken {error}; the part before the error follows");
         } else if capture.cut > 0 {
             let cut = capture.cut;
-            eprintln!("{name} was cut: {cut} bytes at its end are no whole block");
+            eprintln!("{name} was cut: {cut} bytes at its end are not a complete block");
         }
         let start = Some(capture.zero());
         Ok(Self { capture, start })

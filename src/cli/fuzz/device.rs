@@ -206,7 +206,7 @@ fn search(args: &FuzzArgs, port: &mut PortFuzz<'_>, save: Save<'_>) -> Result<bo
             }
             PortStep::Nothing => {
                 is_alive = false;
-                println!("no further input without an effect: --writes sends others");
+                println!("all inputs without an effect were sent: --writes also sends the others");
             }
         }
         let now = clock.now();

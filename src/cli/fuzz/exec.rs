@@ -228,8 +228,8 @@ fn search(args: &FuzzArgs) -> Result<Verdict, CliError> {
         }
         (None, Some(_)) if args.exec.exec.is_some() => one_port(args)?,
         _ => {
-            let text = "--scenario is missing, expected the one whose devices the program is to \
-                        meet, --description of its device, or --corpus with bytes of a device";
+            let text = "--scenario is missing, expected a scenario with the program's devices, \
+                        --description of its device, or --corpus with bytes of a device";
             return Err(CliError::Usage(text.to_owned()));
         }
     };

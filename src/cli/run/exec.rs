@@ -111,7 +111,7 @@ fn follow(trial: &mut Trial, show: &mut Show, stop: &Stop) -> Result<(), Transpo
         if count > stalls && now - told >= STALLS_EVERY {
             (stalls, told) = (count, now);
             eprintln!(
-                "  {now} s  the rig was {} ms late, its time stood",
+                "  {now} s  the rig was {} ms late; rig time stood still meanwhile",
                 late.as_millis()
             );
         }

@@ -226,7 +226,7 @@ pub(super) fn cut_short(run: &Run, stop: &Stop) -> Option<Check> {
     let signal = stop.signal().filter(|_| !run.is_over())?;
     let name = name_of(signal);
     let (now, all) = (run.rig.now(), run.scenario().duration);
-    let detail = format!("ended by {name} at {now} s, its time is {all}");
+    let detail = format!("ended by {name} at {now} s, expected to run for {all}");
     Some(Check::new("ran-to-its-end", false, detail))
 }
 

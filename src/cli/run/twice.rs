@@ -26,7 +26,10 @@ pub(super) fn same(first: &Played, second: &Played, folders: [&Path; 2]) -> Chec
             let detail = format!("the same bytes, but other output of the program: {words}");
             return Check::new("deterministic", false, detail);
         }
-        (_, None) if is_same => format!("twice the same bytes, {} calls", first.calls.count()),
+        (_, None) if is_same => format!(
+            "both runs gave the same bytes, {} calls",
+            first.calls.count()
+        ),
         (_, Some(calls)) if is_same => format!("the same bytes, but other calls: {calls}"),
         (words, calls) => {
             let captures = folders.map(|folder| Capture::read(&folder.join(CAPTURE)));

@@ -55,11 +55,11 @@ const FOREIGN: [(&[u8], &str); 3] = [
     ),
     (
         b"BZh",
-        "is packed by bzip2, expected plain text, gzip, zstd or lz4: unpack it with bunzip2",
+        "is compressed by bzip2, expected plain text, gzip, zstd or lz4: unpack it with bunzip2",
     ),
     (
         b"\xFD7zXZ\0",
-        "is packed by xz, expected plain text, gzip, zstd or lz4: unpack it with unxz",
+        "is compressed by xz, expected plain text, gzip, zstd or lz4: unpack it with unxz",
     ),
 ];
 
@@ -154,7 +154,8 @@ fn capture(path: &Path, scenario: Option<&Path>) -> Result<Log, CliError> {
 fn senses(scenario: &Scenario, source: &Source) -> Result<robots::Senses, CliError> {
     let senses = robots::of(scenario, source)?.senses(scenario, source)?;
     senses.ok_or_else(|| {
-        let message = "is not known to the mapper, expected a robot whose lidar and wheels are";
+        let message =
+            "has no lidar and wheels that the mapper can read, expected a robot with both";
         let error = source.invalid(source.find("robot"), "robot", message);
         error.into()
     })

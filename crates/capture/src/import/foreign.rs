@@ -188,7 +188,7 @@ const FOREIGN: &[Foreign] = &[
     ),
     foreign(
         |bytes, _| any_line(bytes, is_socat_text),
-        "socat -v writes text, which does not tell all bytes; record with socat -x -v",
+        "socat -v writes text, which does not show all bytes; record with socat -x -v",
     ),
     foreign(
         |bytes, _| any_line(bytes, raw::is_stamped) && !textlog::is_text(bytes),

@@ -29,7 +29,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
             .wrong(format!("expected the head \"{}\"", HEAD.join(","))));
     }
     if options.baud.is_none() {
-        out.note("the file tells no rates: --baud N sets one for all links");
+        out.note("the file contains no baud rates: --baud N sets one for all links");
     }
     for row in rows {
         record(&row, options, out)?;

@@ -137,7 +137,7 @@ fn serial(file: &File, options: &Options, out: &mut Imported) {
     }
     if is_untold {
         out.note(
-            "the packets tell no direction: all are taken as from the device; --from program if the \
+            "the packets have no direction: all are taken as from the device; --from program if the \
              host sent them",
         );
     }
@@ -225,7 +225,7 @@ fn read_classic(bytes: &[u8], Classic { order, is_nanos }: Classic) -> File {
     }
     if at < bytes.len() {
         file.notes.push(format!(
-            "the file was cut: {} bytes at its end are no whole packet",
+            "the file was cut: {} bytes at its end are not a complete packet",
             bytes.len() - at
         ));
     }
@@ -272,7 +272,7 @@ fn read_blocks(bytes: &[u8]) -> Result<File, ImportError> {
     if blocks.pending() > 0 {
         let cut = blocks.pending();
         file.notes.push(format!(
-            "the file was cut: {cut} bytes at its end are no whole block"
+            "the file was cut: {cut} bytes at its end are not a complete block"
         ));
     }
     Ok(file)

@@ -146,8 +146,8 @@ fn analyzers(
         let is_own = chosen.iter().any(|chosen| chosen == name);
         if let Some(bus) = columns.other_bus(row).filter(|_| is_own) {
             return Err(row.line.wrong(format!(
-                "this row of \"{name}\" is of a bus ({bus}), not of a serial line; --channel NAME \
-                 chooses the analyzers that are: {named}"
+                "this row of \"{name}\" is of a bus ({bus}), not of a serial line; choose the \
+                 serial analyzers with --channel NAME: {named}"
             )));
         }
     }

@@ -123,7 +123,7 @@ fn dumped(line: Line<'_>, most: usize, has_text: bool) -> Result<Vec<u8>, Import
     bytes.ok_or_else(|| {
         line.wrong(format!(
             "expected 1 to {most} bytes of two hex digits behind spaces, as socat -x writes \
-             (socat -v alone does not tell all bytes)"
+             (socat -v alone does not show all bytes)"
         ))
     })
 }

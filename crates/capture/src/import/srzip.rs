@@ -50,7 +50,7 @@ fn metadata(text: &str, options: &Options) -> Result<Metadata, ImportError> {
         .sample_rate
         .or_else(|| sample_rate(value("samplerate")?));
     let rate = rate.ok_or_else(|| {
-        ImportError::of_file("this sigrok session tells no sample rate: expected --samplerate")
+        ImportError::of_file("this sigrok session has no sample rate: expected --samplerate")
     })?;
     let unit = value("unitsize").and_then(|unit| unit.trim().parse().ok());
     let unit = unit.filter(|unit| (1..=64).contains(unit));

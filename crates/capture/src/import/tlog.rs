@@ -46,7 +46,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
                 ));
             }
             out.note(format!(
-                "the log was cut: {rest} bytes at its end are no whole packet"
+                "the log was cut: {rest} bytes at its end are not a complete packet"
             ));
             break;
         };

@@ -86,7 +86,10 @@ impl Entry {
         let content = match self.method {
             0 => packed.to_vec(),
             8 => limited(DeflateDecoder::new(packed))?,
-            _ => return Err("is packed by a rare method; unpack it first: unzip FILE".to_owned()),
+            _ => {
+                let text = "has an unsupported compression; unpack it first: unzip FILE";
+                return Err(text.to_owned());
+            }
         };
         let mut crc = Crc::new();
         crc.update(&content);

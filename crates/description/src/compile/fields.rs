@@ -35,7 +35,7 @@ impl Compiler<'_> {
         if schema.protocol.is_some() && !messages.is_empty() {
             self.wrong(
                 "message",
-                "the protocol brings its messages along, leave them out",
+                "the protocol defines its own messages, leave them out",
             );
         }
         messages
@@ -175,7 +175,7 @@ impl Compiler<'_> {
             }
             let is_last = index + 1 == specs.len();
             if !is_last && takes_rest(&field) {
-                let message = "takes all the rest, expected it to be the last field";
+                let message = "takes all remaining bytes, expected it to be the last field";
                 self.wrong(&key, message);
             }
             known.push(spec.name.clone());

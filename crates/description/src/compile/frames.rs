@@ -37,7 +37,7 @@ impl Compiler<'_> {
                 if !specs.is_empty() {
                     self.wrong(
                         "frame",
-                        "the protocol brings its frames along, leave them out",
+                        "the protocol defines its own frames, leave them out",
                     );
                 }
                 vec![of_protocol(protocol, line)]

@@ -99,7 +99,7 @@ impl Compiler<'_> {
             let is_pure = message.encode(&Nothing).failed.is_empty();
             return is_pure.then(|| {
                 format!(
-                    "cannot be read as it is written, expected other fields: {} becomes {body:02X?}",
+                    "cannot be decoded from its own bytes, expected other fields: {} becomes {body:02X?}",
                     crate::value::Value::Record(values.clone())
                 )
             });
@@ -126,8 +126,9 @@ impl Compiler<'_> {
             Some(frame) => match framing.body(&frame).as_deref() == Some(body) {
                 true => None,
                 false if framing.shares_length() => Some(
-                    "writes over the length field, of which \"mask\" leaves some bits to the \
-                     message: expected a field of its size at its place, 0 in the bits of the length"
+                    "writes over the length field; \"mask\" leaves only some of its bits to the \
+                     message: expected a field of the same size at the same offset, with 0 in the \
+                     bits of the length"
                         .to_owned(),
                 ),
                 false => Some(format!(

@@ -153,7 +153,7 @@ impl Compiler<'_> {
         let spec = self.schema.registers.as_ref();
         let Some(spec) = spec else {
             if protocol.is_some() {
-                let message = "Modbus is about registers, expected [registers]";
+                let message = "Modbus needs registers, expected the table [registers]";
                 self.wrong("protocol", message);
             }
             return None;

@@ -346,7 +346,7 @@ fn value(place: &str, expected: &[&Samples<'_>], own: &Samples<'_>) -> Option<Di
         for number in orders(raw[0].number) {
             if fits(&|raw: &Raw| of(number, raw)) {
                 let expected = format!("{} ({})", number_name(raw[0].number), range.words());
-                let found = format!("{shown}, fits as {}", number_name(number));
+                let found = format!("{shown}, would be right as {}", number_name(number));
                 return Some(difference(Kind::ByteOrder, place, expected, found));
             }
         }
@@ -361,7 +361,7 @@ fn value(place: &str, expected: &[&Samples<'_>], own: &Samples<'_>) -> Option<Di
             };
             if number != raw[0].number && fits(&|raw: &Raw| of(number, raw)) {
                 let expected = format!("{} ({})", number_name(raw[0].number), range.words());
-                let found = format!("{shown}, fits as {}", number_name(number));
+                let found = format!("{shown}, would be right as {}", number_name(number));
                 return Some(difference(Kind::Sign, place, expected, found));
             }
         }

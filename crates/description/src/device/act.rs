@@ -196,7 +196,7 @@ impl<'d> Doer<'d> {
         }
         self.set(at, &on.deed, request);
         if on.restarts {
-            return self.device.restart(at, "as it was told");
+            return self.device.restart(at, "by an [[on]] of its description");
         }
         let latency = self.latency(on.latency, on.jitter);
         let due = at + latency.max(self.device.description.turnaround);
@@ -427,7 +427,8 @@ impl Described {
     pub(super) fn watch(&mut self, now: Instant) {
         if let Some(at) = self.watchdog_at.take_if(|at| *at <= now) {
             if self.state.make_safe() {
-                let detail = "the driver is silent: values are safe now".to_owned();
+                let detail =
+                    "the driver is silent: variables are set to their safe values".to_owned();
                 self.log.note(now, "made-safe", detail);
             }
             self.events.push_back((at, EventSpec::Watchdog));

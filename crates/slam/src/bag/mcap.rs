@@ -51,7 +51,7 @@ pub fn read_into(contents: &mut Contents, bytes: &[u8]) {
     };
     // The library computes with lengths from the file and may panic if they are damaged.
     if catch_unwind(AssertUnwindSafe(|| reader.file(bytes))).is_err() {
-        let what = format_args!("lengths that make no sense");
+        let what = format_args!("invalid lengths");
         let place = format_args!("the rest");
         reader.contents.findings.add(Kind::Unreadable, place, what);
     }
@@ -182,7 +182,7 @@ impl Reader<'_> {
             self.damaged(at, &what);
             end = End::Told;
         } else if is_whole && chunk.crc != 0 && chunk.crc != CRC_32.checksum(&records.bytes) {
-            self.damaged(at, "its checksum is another");
+            self.damaged(at, "its checksum does not match");
             // In a compressed chunk a wrong bit damages all bytes behind it.
             if !chunk.compression.is_empty() {
                 return End::Told;

@@ -90,7 +90,7 @@ impl<'a> Fields<'a> {
         let pose = Pose::new(self.number(name)?, self.number(name)?, self.number(name)?);
         if pose.x.abs() > FAR_M || pose.y.abs() > FAR_M || pose.theta.abs() > FAR_M {
             let words = format!(
-                "{name} is {} {} {}: farther than robots drive",
+                "{name} is {} {} {}, expected at most {FAR_M} m",
                 pose.x, pose.y, pose.theta
             );
             return Err(refusal(Kind::Absurd, words));

@@ -289,7 +289,10 @@ impl Xv11 {
             return;
         }
         self.firmware.overspeed_told = true;
-        let detail = format!("{:.1} rpm; the line takes 349.1", seen.rpm());
+        let detail = format!(
+            "{:.1} rpm; the line can carry packets up to 349.1 rpm",
+            seen.rpm()
+        );
         self.log.violation(seen.at, "overspeed", detail, &[]);
     }
 }
