@@ -86,7 +86,7 @@ fn laws_of_the_report_lead_elsewhere() {
 fn the_fielded_gates_are_anywhere() {
     assert_figure(
         "AF-19",
-        "goal in a gate 2 m behind, m ahead",
+        "goal in a gate 2 m behind the car, m ahead",
         "-2.00",
         "none",
     );

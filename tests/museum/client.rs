@@ -21,7 +21,7 @@ fn a_flipped_id_paints_28() {
 fn six_odd_frames_make_the_program_deaf() {
     assert_figure(
         "UI-02",
-        "of 6 odd frames, those that end all hearing",
+        "of 6 invalid frames, those after which the program ignores all others",
         "6",
         "0",
     );

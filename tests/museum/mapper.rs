@@ -42,7 +42,7 @@ fn the_odometrys_errors_are_the_catalogues() {
     assert_figure("SL-07", "y after 100 ticks backwards, mm", "+45.4", "-45.4");
     assert_figure(
         "SL-08",
-        "way of 100 and 99 ticks at psi 720, mm",
+        "distance of 100 and 99 ticks at psi 720, mm",
         "0.00",
         "45.15",
     );

@@ -90,7 +90,7 @@ fn the_long_way_is_six_radians() {
 fn a_wrap_costs_a_wheel_its_way() {
     assert_figure(
         "YM-01",
-        "way of 5 counts across the end, mm",
+        "distance of 5 counts across the counter's end, mm",
         "0.49",
         "0.98",
     );
@@ -101,7 +101,7 @@ fn a_wrap_costs_a_wheel_its_way() {
 fn half_a_turn_on_one_wheel_is_off_by_a_millimetre() {
     assert_figure(
         "YM-02",
-        "off after half a turn on one wheel, mm",
+        "position error after half a turn on one wheel, mm",
         "0.9",
         "0.0",
     );

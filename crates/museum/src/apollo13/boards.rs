@@ -143,7 +143,7 @@ pub(super) fn af_14(variant: Variant) -> Observation {
     let (world, mut seen) = driven(config, commands(2, 8), Duration::from_secs(5));
     let speed = world.axis_speed("drive").unwrap_or_default();
     let told = format!("{speed:.2}");
-    seen.figure("speed 5 s after the host's last word, m/s", told);
+    seen.figure("speed 5 s after the host's last command, m/s", told);
     seen.judged(speed > 0.2)
 }
 

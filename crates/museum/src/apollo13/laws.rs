@@ -70,7 +70,7 @@ pub(super) fn af_19(variant: Variant) -> Observation {
         |found| format!("{:.2}", found.middle.x_m),
     );
     let mut seen = Observation::default();
-    seen.figure("goal in a gate 2 m behind, m ahead", told);
+    seen.figure("goal in a gate 2 m behind the car, m ahead", told);
     seen.judged(found.is_some())
 }
 

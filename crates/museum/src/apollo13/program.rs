@@ -198,9 +198,10 @@ pub(super) fn af_05(variant: Variant) -> Observation {
         heading_rad: way_m / radius_m,
     };
     let off_mm = truth.distance_m(bench.program.pose()) * 1e3;
-    bench
-        .seen
-        .figure("off after 3 m of a circle, mm", format!("{off_mm:.0}"));
+    bench.seen.figure(
+        "position error after 3 m of a circle, mm",
+        format!("{off_mm:.0}"),
+    );
     bench.seen.judged(off_mm > 8.0)
 }
 
@@ -228,7 +229,7 @@ pub(super) fn af_07(variant: Variant) -> Observation {
     let mut bench = Bench::new(variant, |it| it.arbiter.never_silent = true);
     bench.phone("/1/speed", 2.0);
     bench.run(Duration::from_secs(5));
-    let level = bench.note_level("motor level 5 s after the phone's last word");
+    let level = bench.note_level("motor level 5 s after the phone's last packet");
     bench.seen.judged(level == 2)
 }
 

@@ -48,7 +48,10 @@ pub(super) fn ui_02(variant: Variant) -> Observation {
         deaf += usize::from(desk.pose() != Some([1_234, 5, 0]));
         seen.wire.append(&mut desk.seen.wire);
     }
-    seen.figure("of 6 odd frames, those that end all hearing", deaf);
+    seen.figure(
+        "of 6 invalid frames, those after which the program ignores all others",
+        deaf,
+    );
     seen.judged(deaf == odd.len())
 }
 

@@ -112,7 +112,10 @@ pub(super) fn f_10(variant: Variant) -> Observation {
     );
     let visited = visited(&outcome.truth, Point::new(1.5, 1.5));
     let mut seen = Observation::default();
-    seen.figure("visited around what stands free, per cent", visited);
+    seen.figure(
+        "visited around the free-standing obstacle, per cent",
+        visited,
+    );
     seen.judged(visited < 95)
 }
 

@@ -57,10 +57,7 @@ pub(super) fn sl_02(variant: Variant) -> Observation {
         .map(|(_, pose)| turned(pose))
         .fold(0.0, f32::max);
     let mut seen = Observation::default();
-    seen.figure(
-        "most that one of 20 searches turned, deg",
-        format!("{most:.0}"),
-    );
+    seen.figure("largest turn in 20 searches, deg", format!("{most:.0}"));
     seen.judged(most > 20.0)
 }
 

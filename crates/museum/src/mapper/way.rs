@@ -43,7 +43,7 @@ pub(super) fn sl_08(variant: Variant) -> Observation {
     let way = libm::hypotf(pose.x_mm, pose.y_mm);
     let mut seen = Observation::default();
     seen.figure(
-        "way of 100 and 99 ticks at psi 720, mm",
+        "distance of 100 and 99 ticks at psi 720, mm",
         format!("{way:.2}"),
     );
     seen.judged(way < 1.0)
@@ -97,7 +97,7 @@ pub(super) fn sl_13(variant: Variant) -> Observation {
             }
         }
     }
-    seen.figure("psi told after 92 turns, deg", told);
+    seen.figure("psi sent after 92 turns, deg", told);
     seen.judged(told < 0)
 }
 
@@ -118,7 +118,10 @@ pub(super) fn sl_14(variant: Variant) -> Observation {
     let jump = before.change_to(mapper.pose()).distance_mm();
     let mut seen = Observation::default();
     let way = settings.start.change_to(before).distance_mm();
-    seen.figure("way believed while mapping is off, mm", format!("{way:.0}"));
+    seen.figure(
+        "distance believed while mapping is off, mm",
+        format!("{way:.0}"),
+    );
     seen.figure(
         "jump of the pose when it is switched on, mm",
         format!("{jump:.0}"),

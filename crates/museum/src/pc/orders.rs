@@ -34,7 +34,10 @@ pub(super) fn pu_09(variant: Variant) -> Observation {
     let mut list = waypoints(variant, "PU-09");
     list.replace(sent.into_iter());
     seen.figure("waypoints that the list reaches", list.all().len());
-    seen.figure("links to what is gone", list.stray_writes().count);
+    seen.figure(
+        "writes through links to deleted waypoints",
+        list.stray_writes().count,
+    );
     seen.judged(list.stray_writes().count == 1)
 }
 
@@ -61,7 +64,7 @@ pub(super) fn pu_11(variant: Variant) -> Observation {
     let mode = robot.program.ordered_mode();
     robot
         .seen
-        .figure("mode with nowhere to go", format!("{mode:?}"));
+        .figure("mode after an empty list of waypoints", format!("{mode:?}"));
     robot.judged(mode == message::Mode::Exploration)
 }
 

@@ -61,9 +61,10 @@ fn ym_01(variant: Variant) -> Observation {
     robot.sample();
     let pose = robot.program.pose();
     let (way, turned) = (pose.x_mm, pose.heading.to_degrees());
-    robot
-        .seen
-        .figure("way of 5 counts across the end, mm", format!("{way:.2}"));
+    robot.seen.figure(
+        "distance of 5 counts across the counter's end, mm",
+        format!("{way:.2}"),
+    );
     robot.seen.figure("turned, degrees", format!("{turned:.2}"));
     robot.judged(way < 0.6)
 }
@@ -84,7 +85,7 @@ fn ym_02(variant: Variant) -> Observation {
     let aside = cos * 90.0 + pose.y_mm - 90.0;
     let along = pose.x_mm - sin * 90.0;
     let off = aside.hypot(along);
-    let name = "off after half a turn on one wheel, mm";
+    let name = "position error after half a turn on one wheel, mm";
     robot.seen.figure(name, format!("{off:.1}"));
     robot.judged(off > 0.5)
 }
