@@ -90,7 +90,10 @@ fn print(args: &Bugs, to: &mut dyn Write) -> Result<Verdict, Failure> {
     } else if args.all {
         let live = wanted.iter().filter(|bug| is_live(bug)).count();
         let (all, good) = (wanted.len(), live - bad);
-        writeln!(to, "{all} defects, {live} live: {good} show, {bad} do not")?;
+        writeln!(
+            to,
+            "{all} defects, {live} reproducible: {good} occurred, {bad} did not"
+        )?;
     }
     Ok(if bad == 0 {
         Verdict::Pass
@@ -164,7 +167,7 @@ fn list(out: &mut dyn Write) -> io::Result<()> {
     let live = museum::catalogue().filter(|bug| is_live(bug)).count();
     writeln!(
         out,
-        "{all} defects, {live} live: \"hilrig bugs ID\" shows one"
+        "{all} defects, {live} reproducible: \"hilrig bugs ID\" reproduces one"
     )
 }
 
@@ -181,7 +184,7 @@ fn list_wing(wing: &Wing, out: &mut dyn Write) -> io::Result<()> {
         for bug in wing.bugs().filter(|bug| bug.place == place) {
             writeln!(out, "  {:<7} {}", bug.id, bug.sees)?;
             if let Live::Not(why) = bug.live {
-                writeln!(out, "          not live: {why}")?;
+                writeln!(out, "          not reproducible: {why}")?;
             }
         }
         writeln!(out)?;
@@ -240,7 +243,7 @@ fn not_live(bug: &Bug, out: &mut dyn Write) -> io::Result<()> {
     let Live::Not(why) = bug.live else {
         return Ok(());
     };
-    writeln!(out, "-    {:<7} not live: {why}", bug.id)
+    writeln!(out, "-    {:<7} not reproducible: {why}", bug.id)
 }
 
 fn page(bug: &Bug, reproduction: &Reproduction, out: &mut dyn Write) -> io::Result<()> {

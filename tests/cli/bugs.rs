@@ -20,7 +20,7 @@ fn the_list_names_all_rows_by_place_and_counts_them() {
         id.starts_with(|c: char| c.is_ascii_uppercase())
     });
     assert_eq!(rows.count(), 176, "{said}");
-    assert!(said.contains("176 defects, 169 live"), "{said}");
+    assert!(said.contains("176 defects, 169 reproducible"), "{said}");
 }
 
 /// AV-02: bytes of the field-bug catalogue.

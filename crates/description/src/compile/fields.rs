@@ -209,14 +209,17 @@ impl Compiler<'_> {
             match next {
                 Some((more, is_low_first)) => {
                     if order.is_some_and(|order| order != is_low_first) && !bits.is_multiple_of(8) {
-                        let message = "has another order than the bits before it in the same byte";
+                        let message = "has another bit order than the bits before it in the same \
+                                       byte, expected the same order";
                         self.wrong(format!("{key}[{index}].type"), message);
                     }
                     order = Some(is_low_first);
                     bits += more;
                 }
                 None if !bits.is_multiple_of(8) => {
-                    let message = format!("begins within a byte: the bits before it are {bits}");
+                    let message = format!(
+                        "begins within a byte: {bits} bits are before it, expected a multiple of 8"
+                    );
                     self.wrong(format!("{key}[{index}]"), message);
                     bits = 0;
                 }
@@ -224,7 +227,7 @@ impl Compiler<'_> {
             }
         }
         if !bits.is_multiple_of(8) {
-            let message = format!("its last bits are {bits}, expected whole bytes");
+            let message = format!("ends with {bits} bits, expected a multiple of 8");
             self.wrong(key, message);
         }
     }
