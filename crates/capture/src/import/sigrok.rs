@@ -98,7 +98,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     }
     if names.len() == 1 && names[0].starts_with("uart-") {
         out.note(
-            "sigrok-cli's lines do not distinguish RX and TX: all are taken as one direction; if they \
+            "sigrok-cli's lines do not tell RX from TX: all are taken as one direction; if they \
              hold both, use --protocol-decoder-jsontrace, or import the .sr file",
         );
     }

@@ -26,10 +26,7 @@ impl Xv11 {
             }
         }
         if bytes.iter().any(|&byte| byte != ESC) {
-            let detail = format!(
-                "{} bytes from the host; the sensor accepts only ESC",
-                bytes.len()
-            );
+            let detail = format!("{} bytes; the sensor takes no request", bytes.len());
             let shown = &bytes[..bytes.len().min(SHOWN_BYTES)];
             self.log.violation(now, "host-bytes", detail, shown);
         }
