@@ -1087,3 +1087,19 @@ fn a_flow_without_a_connection_is_noted_at_its_65th_byte() {
     connected.robot_sends(&[b'A'; 70]);
     assert_eq!(connected.rules(), [""; 0]);
 }
+
+/// A module that uses a new rate from its next start on uses it after a reset by command.
+#[test]
+fn a_reset_by_command_is_a_start() {
+    let mut bench = Bench::new(Profile {
+        line_switch: LineSwitch::AtPowerOn,
+        ..Profile::of(Family::V30)
+    });
+    let baud = |bench: &Bench| bench.radio.line_config(Hc06::UART).baud;
+    bench.robot_sends(b"AT+UART=115200,0,0\r\n");
+    bench.run_for(SECOND);
+    assert_eq!(baud(&bench), 9_600);
+    bench.robot_sends(b"AT+RESET\r\n");
+    bench.run_for(SECOND);
+    assert_eq!(baud(&bench), 115_200);
+}

@@ -997,3 +997,15 @@ fn a_motor_that_is_not_wired_is_told_once() {
     }
     assert_eq!(bench.rules(), ["motor-not-wired"]);
 }
+
+#[test]
+fn a_sensor_names_its_faults() {
+    let bench = plain();
+    let known = bench.lidar.known_faults();
+    assert_eq!(known.len(), 12);
+    for name in [
+        "slow", "off", "restart", "stuck", "dust", "wrong", "dark", "garbage",
+    ] {
+        assert!(known.contains(&name), "{name}");
+    }
+}

@@ -178,3 +178,22 @@ fn the_heading_has_noise_by_the_root_of_the_speed() {
         assert!(rolled.abs() > 0.05 && (velocity.turn_rad_s - expected).abs() < 1e-9);
     }
 }
+
+/// 25 degrees of steering have a tangent of 0.46631: the rear wheels of a car of 0.258 m stand at
+/// most twice that by the tangent apart, 1.1066 m.
+#[test]
+fn a_car_does_not_turn_about_a_point_between_its_wheels() {
+    let check = |track_m: f64| {
+        let config = AckermannConfig {
+            track_m,
+            steering_max_rad: 25_f64.to_radians(),
+            ..AckermannConfig::default()
+        };
+        config.check().map_err(|error| error.field)
+    };
+    let limit_m = 2.0 * 0.258 / 0.466_307_658;
+    assert_eq!(
+        [limit_m - 1e-4, limit_m + 1e-4].map(check),
+        [Ok(()), Err("track_m")]
+    );
+}
