@@ -531,8 +531,8 @@ mod tests {
         assert_eq!(until(inject), 3_000);
     }
 
-    /// A push along x that turns the robot to the left at 15 ms, and one along y at 35 ms, which the
-    /// file names first.
+    /// A push along x at 15 ms, which turns the robot to the left, and one along y at 35 ms, which
+    /// the file names first.
     #[test]
     fn pushes_come_at_their_times() {
         let push = |at: u32, by_m: &str, turn: u32| {

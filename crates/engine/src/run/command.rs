@@ -234,6 +234,16 @@ mod tests {
         );
         run.go_on_until(Instant::from_secs(2));
         let case = run.case_so_far();
+        let expect = &case.expect;
+        assert_eq!(
+            (expect.visit_within_mm, expect.return_within_mm),
+            (None, None)
+        );
+        assert_eq!((expect.settle, expect.wall_overlap_min), (None, None));
+        assert_eq!(
+            (expect.map_received, expect.violations_max),
+            (None, Some(0))
+        );
         let outcome = again(&case).finish();
         let names = |status| {
             let of = outcome

@@ -183,4 +183,25 @@ mod tests {
             "{refused:?}"
         );
     }
+
+    /// A condition on the state needs no watch of the lines.
+    #[test]
+    fn only_bytes_are_watched_on_the_lines() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/empty-room.toml");
+        let (scenario, source) = Scenario::read(&path).expect("sound");
+        let mut run = Run::new(scenario, &source, None).expect("can be wired");
+        let map = Condition::Map(MapCondition { known_min: 0.5 });
+        assert!(run.watch(&map).is_ok() && run.line_watches.is_none());
+        assert!(run.checkpoint().is_some());
+        let bytes = Condition::Bytes(crate::scenario::BytesCondition {
+            link: "base".to_owned(),
+            direction: crate::scenario::DirectionSpec::ToDevice,
+            hex: None,
+            count: Some(1),
+        });
+        let watch = run.watch(&bytes).expect("there is such a link");
+        assert!(run.line_watches.is_some() && run.checkpoint().is_none());
+        run.go_on_until(Instant::from_secs(1));
+        assert!(run.has_come(&watch));
+    }
 }

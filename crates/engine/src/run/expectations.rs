@@ -358,4 +358,18 @@ mod tests {
         assert_eq!(names("explored_min = 0.5\n"), ["explored"]);
         assert_eq!(names(""), [""; 0]);
     }
+
+    /// Without waypoints none can be visited, which is no success.
+    #[test]
+    fn a_mission_without_waypoints_visits_none() {
+        use super::super::mission::Progress;
+        use crate::scenario::{Expect, Mission};
+        let mut run = run("visit_within_mm = 100\n");
+        run.progress = Progress::new(&Mission::default(), &Expect::default());
+        let words = "the mission has no waypoints that could be visited";
+        assert_eq!(
+            told(&run, None, None, true),
+            one("waypoints-visited", Fail, words)
+        );
+    }
 }

@@ -626,6 +626,14 @@ mod tests {
         assert!((9..=10).contains(&case.fault.len()), "{:?}", case.fault);
         let stalls = |fault: &FaultSpec| fault.kind == FaultKind::Stall && fault.stream.is_none();
         assert!(case.fault.iter().all(stalls), "{:?}", case.fault);
+        for stall in &case.fault {
+            let [from, until] = [stall.from, stall.until].map(|at| at.expect("it has times"));
+            assert!(from < until, "{stall:?}");
+            assert_eq!(
+                (stall.lasting, stall.every, stall.count),
+                (None, None, None)
+            );
+        }
         let read = Scenario::parse(Path::new("case.toml"), case.to_toml());
         assert_eq!(read.expect("sound").0.fault, case.fault);
     }

@@ -331,4 +331,20 @@ mod tests {
         assert_eq!(share(&corners([0, 11]), &corners([6, 6]), 2), 1.0);
         assert_eq!(share(&corners([0, 11]), &corners([3, 3]), 1), 0.5);
     }
+
+    /// A path is near between its corners as well: 490 mm beside it, a quarter of a metre behind a
+    /// corner. A point 600 mm beside it is told with this distance.
+    #[test]
+    fn a_path_is_near_between_its_corners() {
+        let golden = path(&[[0.0, 0.0], [1.0, 0.0]]);
+        assert!(Near::of(&golden, 0.5).has(Point::new(0.25, 0.49)));
+        let driven = path(&[[0.25, 0.6], [0.26, 0.6]]);
+        let check = path_check(&golden, &driven, 500.0);
+        assert!(
+            check
+                .detail
+                .contains("0.250, 0.600 m, 600 mm from the golden path"),
+            "{check}"
+        );
+    }
 }

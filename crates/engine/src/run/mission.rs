@@ -232,4 +232,24 @@ mod tests {
         let settled = [5, 6].map(|secs| progress.has_settled(Instant::from_secs(secs)));
         assert_eq!(settled, [false, true]);
     }
+
+    /// A rest and a distance by default are those that a scenario may name; a map that is not
+    /// wanted, or not expected, ends no run.
+    #[test]
+    fn runs_end_alike_by_what_they_wait_for() {
+        let alike = |change: fn(&mut Expect)| {
+            let mut other = Expect::default();
+            change(&mut other);
+            ends_alike(&Expect::default(), &other)
+        };
+        assert!(alike(|_| {}));
+        assert!(alike(|it| it.map_received = Some(false)));
+        assert!(!alike(|it| it.map_received = Some(true)));
+        assert!(!alike(|it| it.home_within_mm = Some(100.0)));
+        assert!(alike(|it| it.visit_within_mm = Some(200.0)));
+        assert!(!alike(|it| it.visit_within_mm = Some(201.0)));
+        assert!(alike(|it| it.settle = Some(Span::from_millis(2_000))));
+        assert!(!alike(|it| it.settle = Some(Span::from_millis(2_001))));
+        assert!(alike(|it| it.pose_rms_mm_max = Some(9.0)));
+    }
 }

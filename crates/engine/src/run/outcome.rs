@@ -333,7 +333,7 @@ mod tests {
     }
 
     fn panics(outcome: &Outcome) -> String {
-        let call = std::panic::AssertUnwindSafe(|| outcome.assert_passed());
+        let call = core::panic::AssertUnwindSafe(|| outcome.assert_passed());
         let words = std::panic::catch_unwind(call).expect_err("it did not pass");
         words.downcast_ref::<String>().expect("a text").clone()
     }

@@ -438,4 +438,20 @@ mod tests {
         assert!((0.5..0.52).contains(&half.found), "{half:?}");
         assert_eq!(of(&[], 0), WallOverlap::default());
     }
+
+    /// A robot at the left end of a wall sees it to its right: columns 30 to 99.
+    #[test]
+    fn a_wall_is_seen_on_its_own_side() {
+        let [from, to] = [Point::new(0.3, 0.555), Point::new(1.0, 0.555)];
+        let scene = Scene::new([Shape::Wall { from, to }], Vec::new()).expect("one wall");
+        let start = TruePose::new(0.3, 0.2, 0.0);
+        let world = World::new(scene, BodyConfig::default(), start, 1).expect("room for it");
+        let found = |columns: core::ops::Range<usize>| {
+            let mut cells = vec![127; 100 * 100];
+            cells[55 * 100..][columns].fill(255);
+            let map = MapView::new(100, 10.0, [0.0; 2], &cells);
+            wall_overlap(map, &world, &[start], None).found
+        };
+        assert_eq!([found(30..100), found(0..28)], [1.0, 0.0]);
+    }
 }

@@ -191,7 +191,8 @@ mod tests {
     use super::super::safety::puppet::{copied, puppet};
     use crate::robots::checker::Look;
 
-    /// A line with ten bytes each half of a second, but for these halves; estimates of the pose end at `last`.
+    /// A line with ten bytes each half of a second, but for these halves; estimates of the pose end
+    /// at `last`.
     fn observed(silent: core::ops::Range<u64>, last: u64, until: u64) -> (Status, String) {
         let (mut rig, [base]) = crate::rig::bare::linked(["base"], 1_000_000);
         let phases = [window(0, 8), window(8, 10), window(10, 12), window(12, 20)];

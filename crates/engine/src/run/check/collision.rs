@@ -289,15 +289,15 @@ mod tests {
     };
 
     /// Looks at a contact at 1 s; the drive has the set-point 5 then and since 0.5 s, and the
-    /// program has sent `sent` each 100 ms.
+    /// program has sent `sent` each 100 ms. Other lines carry 5.
     fn judged(dialect: Option<Dialect>, sent: u8, until: Option<Instant>) -> (Status, String) {
         let (mut rig, [base, other]) = linked(["base", "other"], 1_000_000);
         let checker = NoCollisionAtSpeed::judging_until(until);
         let mut checker = checker.commanded_in(&mut rig, dialect);
         for tenth in 1..=10 {
             rig.inject(base[1].node, &[sent]);
-            rig.inject(base[0].node, &[7]);
-            rig.inject(other[1].node, &[7]);
+            rig.inject(base[0].node, &[5]);
+            rig.inject(other[1].node, &[5]);
             rig.run_until(Instant::from_millis(100 * tenth));
             let contact = Contact {
                 at: rig.now(),

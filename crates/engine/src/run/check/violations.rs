@@ -319,6 +319,7 @@ mod tests {
         assert_eq!(judged("", &gone, &[unsure]), Pass);
         let late = step(57, "{ mode = \"stop\" }");
         assert_eq!(judged("", &late, &[unsure]), Fail);
+        assert_eq!(judged("", &late, &[closed]), Fail);
     }
 
     use super::super::Status;
@@ -425,6 +426,9 @@ mod tests {
         let (mut rig, _) = crate::rig::bare::linked(["base"], 1_000_000);
         let mut later = later(&rig, 1, &[]);
         later.exempt = vec!["lidar".to_owned()];
+        // Those of the time before do not count, of no device.
+        broken(&mut rig, "base", "too-soon");
+        broken(&mut rig, "base", "too-soon");
         look_at(&mut later, &mut rig, 10_000, 0.0);
         for (device, rule) in [
             ("base", "too-soon"),

@@ -485,3 +485,31 @@ fn two_conditions_may_hold_by_one_event() {
     assert!(!both(&scale, &entry("door", Some("lidar"))));
     assert!(!both(&open, &entry("other", None)) && !both(&open, &touch) && !both(&scale, &up));
 }
+
+/// A line whose watch lost moments, and one that carried bytes, frames or readings.
+#[test]
+fn a_line_tells_what_it_carried() {
+    use crate::scenario::DirectionSpec;
+    let bytes = "{ bytes = { link = \"base\", direction = \"to-master\", count = 1 } }";
+    let frame = "{ frame = { link = \"base\", direction = \"to-master\" } }";
+    let field = "{ frame = { link = \"base\", direction = \"to-master\", field = \"speed\", \
+                 value = 1 } }";
+    let told = |text: &str, [bytes, frames, readings, lost]: [u64; 4]| {
+        let wanted = Wanted::Count { of: 1, left: 1 };
+        let watch = LineWatch::new(0, DirectionSpec::ToMaster, wanted, false);
+        let watch = LineWatches::default().add(watch);
+        {
+            let found = &mut watch.lock().found;
+            (found.bytes, found.frames, found.readings) = (bytes, frames, readings);
+            found.lost = lost;
+        }
+        let probe = probe(text, leaf(Source::Line(watch)));
+        (probe.has_appeared(false), probe.has_lost())
+    };
+    assert_eq!(told(bytes, [0, 1, 1, 0]), (false, false));
+    assert_eq!(told(bytes, [1, 0, 0, 1]), (true, true));
+    assert_eq!(told(frame, [1, 0, 1, 0]), (false, false));
+    assert_eq!(told(frame, [0, 1, 0, 2]), (true, true));
+    assert_eq!(told(field, [1, 1, 0, 0]), (false, false));
+    assert_eq!(told(field, [0, 0, 1, 0]), (true, false));
+}

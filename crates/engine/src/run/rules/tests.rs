@@ -386,3 +386,23 @@ fn a_copy_goes_on_with_its_own_lines() {
     bench.at(1_100, "", NO);
     assert_eq!(bench.status(), Fail);
 }
+
+/// A log that lost entries may have had the one that is missing; other rules do not need it.
+#[test]
+fn a_cut_log_leaves_rules_on_it_open() {
+    let event = "{ event = { rule = \"door-open\", source = \"ask\" } }";
+    let mut log = bench(&format!("eventually = {event}"));
+    log.at(10, "", NO);
+    assert_eq!(log.status(), Fail);
+    log.rules.rules[0].seen.is_log_cut = true;
+    let (status, told) = log.told(true);
+    assert_eq!(status, NotObserved);
+    assert!(
+        told.ends_with("; the run kept only a part of the log"),
+        "{told}"
+    );
+    let mut state = bench(&format!("always = {FAST}"));
+    state.at(10, "", YES);
+    state.rules.rules[0].seen.is_log_cut = true;
+    assert_eq!(state.status(), Pass);
+}

@@ -227,7 +227,7 @@ mod tests {
         }
     }
 
-    /// A request at 1 ms with its reply 250 us later, one without, a frame that nobody asked for,
+    /// A request at 1 ms with its reply 250 us later, one without, a frame without a request,
     /// and invalid bytes of both directions.
     #[test]
     fn exchanges_are_counted_by_kind() {

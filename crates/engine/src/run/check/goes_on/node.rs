@@ -406,7 +406,7 @@ mod tests {
 
     /// Bytes that no device received prove nothing, unless a rule of the scenario has passed.
     #[test]
-    fn a_program_that_nobody_hears_is_not_observed() {
+    fn a_program_without_a_listening_device_is_not_observed() {
         let mut it = bench();
         it.goes_on.counts = [5, 0, 0];
         it.begins(
@@ -415,6 +415,13 @@ mod tests {
         );
         it.checks = vec![Check::new("rule-answers", true, "")];
         it.is(Pass, "sent 5 B, 0 B arrived for it");
+        // A program that shows values and sends nothing needs no device.
+        let mut shows = bench();
+        (shows.goes_on.counts, shows.goes_on.last[2]) = ([0, 0, 5], Some(at(39_500)));
+        shows.is(
+            Pass,
+            "sent 0 B, showed 5 values and notes, 0 B arrived for it",
+        );
     }
 
     /// Notes of the program's own board count, not those of other devices, and no violations.
@@ -452,7 +459,7 @@ mod tests {
 
     /// A port without a receiver, and a program that shows no use of its bytes.
     #[test]
-    fn bytes_that_nobody_uses_are_told() {
+    fn bytes_that_the_program_does_not_use_are_told() {
         let use_of = |mut it: Bench, rule: &'static str| {
             it.log("prog", EventKind::Note, rule, 3);
             it

@@ -604,9 +604,11 @@ mod tests {
         assert_eq!(missing(&[far; 20], &points), None);
     }
 
-    /// What a robot told of these walls, in the points of this scan.
+    /// The report of a robot, and the points of its scan.
+    type Told = (Option<(Instant, Vec<Line>)>, Vec<Point>);
+
     #[derive(Clone, Default)]
-    struct Robot(crate::Shared<(Option<(Instant, Vec<Line>)>, Vec<Point>)>);
+    struct Robot(crate::Shared<Told>);
 
     impl Instruments for Robot {
         fn told_lines(&self, _: &Rig) -> Option<(Instant, Vec<Line>)> {

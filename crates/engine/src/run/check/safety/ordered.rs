@@ -497,4 +497,19 @@ mod tests {
         one_axis.go(7_000, 0.0, |_| [0.5, -2.0]);
         assert_eq!(one_axis.told().0, Pass);
     }
+
+    /// Two bytes were sent at 4 s: one was lost, one arrived. Neither is on the way any more.
+    #[test]
+    fn bytes_that_came_before_an_order_are_not_on_the_way() {
+        use crate::rig::fault::{Damage, Strike};
+        let mut course = course(&step("5s", STOP));
+        let faults = &mut course.rig.line_mut(0, Direction::ToMaster).faults;
+        let damage = Damage::Drop;
+        faults.add_strike(Strike { byte: 0, damage });
+        course.go(4_000, 0.2, |_| [0.0; 2]);
+        course.rig.inject(course.station, &[7, 7]);
+        course.go(9_000, 0.2, |_| [0.0; 2]);
+        let moves = "at 6.510000 s the robot moves 1.4 s after the order to rest".to_owned();
+        assert_eq!(course.told(), (Fail, moves));
+    }
 }

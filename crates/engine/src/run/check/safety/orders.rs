@@ -393,12 +393,15 @@ mod tests {
         ordered.go(1_500, 0.2, 1.0);
         assert_eq!(ordered.told(), (Pass, sound.clone()));
         let mut alone = course();
-        alone.rig.inject(alone.device, &FRAME);
-        alone.rig.inject(alone.other, &FRAME);
-        alone.rig.inject(alone.radio, &[0x55]);
-        alone.go(200, 0.0, 0.0);
-        alone.rig.inject(alone.radio, &[0x55]);
-        alone.go(500, 0.0, 0.0);
+        for (node, bytes, until) in [
+            (alone.device, &FRAME[..], 100),
+            (alone.other, &FRAME, 200),
+            (alone.radio, &[0x55], 400),
+            (alone.radio, &[0x55], 500),
+        ] {
+            alone.rig.inject(node, bytes);
+            alone.go(until, 0.0, 0.0);
+        }
         assert_eq!(alone.told(), (Pass, sound));
         alone.go(900, 0.2, 1.0);
         let told =
@@ -481,5 +484,32 @@ mod tests {
             assert_eq!(check.status, NotObserved, "{link:?}");
             assert!(check.detail.ends_with("set orders_link"));
         }
+    }
+
+    /// Damaged bytes at the time of the last valid frame are not behind it.
+    #[test]
+    fn only_damage_behind_the_last_frame_is_judged() {
+        let mut course = course();
+        course.rig.inject(course.radio, &FRAME);
+        course.go(1_600, 0.2, 0.5);
+        {
+            let mut ear = course.checker.ear.as_ref().expect("a link").lock();
+            ear.damaged_at = ear.sound_at;
+        }
+        course.go(2_500, 0.2, 1.5);
+        assert_eq!(course.told().0, Pass);
+    }
+
+    /// 3 m/s were ordered, then 1 m/s: up to 1.7 m/s are allowed from then on.
+    #[test]
+    fn another_order_has_its_own_limits() {
+        let at = Instant::from_millis;
+        let mut steering = Steering::default();
+        steering.take(at(0), &axes(3.0), 1, true, true);
+        steering.take(at(100), &axes(1.0), 2, true, true);
+        for millis in [200, 400] {
+            steering.take(at(millis), &axes(2.0), 2, false, true);
+        }
+        assert_eq!(steering.broken.map(|(since, _)| since), Some(at(200)));
     }
 }

@@ -322,8 +322,8 @@ mod tests {
         assert_eq!(look(&mut rig, 100, 0.1, 0.0), [false, true]);
         // The disc of 160 mm has 140 mm to the wall.
         look(&mut rig, 3_000, 0.1, 0.0);
-        assert_eq!(look(&mut rig, 3_010, 0.1, 0.0)[0], true);
-        assert_eq!(look(&mut rig, 3_020, 0.1, 0.5)[0], false);
+        assert!(look(&mut rig, 3_010, 0.1, 0.0)[0]);
+        assert!(!look(&mut rig, 3_020, 0.1, 0.5)[0]);
         assert_eq!(look(&mut rig, 3_030, 0.1, 0.0), [true, false]);
     }
 

@@ -268,8 +268,7 @@ mod tests {
             rig.run_for(core::time::Duration::from_millis(pause));
             rig.inject(base[1].node, &[0x55; 30]);
             rig.run_for(core::time::Duration::from_millis(5));
-            let excused = checker.ears[0].lock().excused;
-            excused
+            checker.ears[0].lock().excused
         };
         assert_eq!(excused(Direction::ToDevice, true), 30);
         assert_eq!(excused(Direction::ToDevice, false), 0);

@@ -621,3 +621,153 @@ fn overflows_that_a_device_counts_are_counted_once() {
         "0 queues overflowed, at most 0"
     );
 }
+
+/// A robot that does everything wrong: it believes another pose, reports another charge and no
+/// line of the wall before it, and measures half of its path.
+struct Wrong;
+
+impl Instruments for Wrong {
+    fn drive_links(&self) -> Vec<String> {
+        vec!["base".to_owned()]
+    }
+
+    fn station_links(&self) -> &'static [&'static str] {
+        &["radio"]
+    }
+
+    fn orders_link(&self) -> Option<&'static str> {
+        Some("orders")
+    }
+
+    fn needs(&self) -> Vec<Need> {
+        vec![Need::always("lidar")]
+    }
+
+    fn estimate(&self, rig: &Rig) -> Option<(Instant, Pose)> {
+        Some((rig.now(), Pose::new(-9.0, 0.0, 0.0)))
+    }
+
+    fn figures(&self, rig: &Rig) -> Vec<Figure> {
+        let telling = Telling {
+            told: 8.0,
+            truth: 12.0,
+        };
+        telling.figures(rig)
+    }
+
+    fn told_lines(&self, rig: &Rig) -> Option<(Instant, Vec<[[f64; 2]; 2]>)> {
+        Some((rig.now(), Vec::new()))
+    }
+
+    fn searched_points(&self, _: &Rig) -> Vec<[f64; 2]> {
+        (0..20_u8).map(|at| [50.0 * f64::from(at), 0.0]).collect()
+    }
+
+    fn reckoned(&self, rig: &Rig) -> Option<(Instant, Pose)> {
+        Some((rig.now(), Pose::new(rig.world.pose().x / 2.0, 0.0, 0.0)))
+    }
+}
+
+/// The checks of these keys, of a robot that drives for 12 s at 0.2 m/s. Its lidar falls silent at
+/// 2 s, an order to rest arrives at 5.1 s, and no command reaches its base. A fault on `faulty`
+/// lasts all the time.
+fn asked(keys: &str, faulty: Option<&str>) -> Vec<(String, Status)> {
+    use emulators::world::Command;
+    let order = "[mission]\nstep = [{ at = \"5s\", do = { mode = \"stop\" } }]\n";
+    let (mut scenario, _) = puppet::scenario(&format!("{order}[expect.safety]\n{keys}"));
+    scenario
+        .fault
+        .extend(faulty.map(|link| puppet::cut(link, 0, 60)));
+    let names = ["base", "radio", "orders", "lidar"];
+    let (mut rig, [_, _, orders, lidar]) = crate::rig::bare::linked(names, 1_000_000);
+    rig.world = self::rig().world;
+    let robot: Arc<dyn Instruments> = Arc::new(Wrong);
+    let mut checkers = asked_for(&scenario, &mut rig, &robot);
+    for tenth in 1..=120 {
+        for wheel in ["left", "right"] {
+            let speed = Command::Speed(0.2);
+            rig.world.actuate(wheel, speed).expect("a wheel");
+        }
+        if tenth <= 20 {
+            rig.inject(lidar[0].node, &[1]);
+        }
+        if tenth == 51 {
+            rig.inject(orders[0].node, &[1]);
+        }
+        rig.run_until(Instant::from_millis(100 * tenth));
+        for checker in &mut checkers {
+            checker.observe(&Look {
+                rig: &rig,
+                axes: &[drive(1.0)],
+                contacts: &[],
+            });
+        }
+    }
+    let checks = checkers.iter().map(|checker| checker.verdict());
+    checks.map(|check| (check.name, check.status)).collect()
+}
+
+/// Each checker excuses faults of the links that its property depends on, and of no others.
+#[test]
+fn faults_excuse_what_they_can_cause() {
+    use Status::{Fail, NotObserved, Pass};
+    let keys = "rests_within = \"1s\"\ncommands_within = \"300ms\"\ntrue_telemetry = true\n\
+                motion_within_percent = 5\npose_within_mm = 300\nobeys_within = \"1s\"\n";
+    let links = [
+        None,
+        Some("base"),
+        Some("radio"),
+        Some("orders"),
+        Some("lidar"),
+    ];
+    let found = links.map(|faulty| asked(keys, faulty));
+    let expected = [
+        ("rests-after-silence", [Fail, NotObserved, Fail, Fail, Fail]),
+        ("lines-true", [Fail, NotObserved, NotObserved, Fail, Fail]),
+        (
+            "telemetry-true",
+            [Fail, NotObserved, NotObserved, Fail, Fail],
+        ),
+        ("drive-fed", [Fail, Pass, Fail, Fail, Fail]),
+        (
+            "pose-believed",
+            [Fail, NotObserved, Fail, NotObserved, NotObserved],
+        ),
+        (
+            "does-as-ordered",
+            [Fail, NotObserved, NotObserved, NotObserved, Fail],
+        ),
+        (
+            "motion-true",
+            [Fail, NotObserved, Fail, NotObserved, NotObserved],
+        ),
+    ];
+    for (index, (name, statuses)) in expected.into_iter().enumerate() {
+        for (checks, status) in found.iter().zip(statuses) {
+            assert_eq!(checks[index], (name.to_owned(), status), "{index}");
+        }
+    }
+    assert!(found.iter().all(|checks| checks.len() == 7));
+}
+
+/// Each key asks for its own checkers.
+#[test]
+fn a_key_asks_for_its_checkers() {
+    for (key, expected) in [
+        ("", &[][..]),
+        ("sound_orders = true", &["moves-on-sound-orders"]),
+        ("says_within = \"3s\"", &["notices-silence"]),
+        ("alive_for = \"4s\"", &["alive-at-the-end"]),
+        ("true_telemetry = true", &["lines-true", "telemetry-true"]),
+        ("true_counts = true", &["counts-true"]),
+        ("sound_frames = true", &["sends-sound-frames"]),
+        ("sends_within = \"3s\"", &["sends-on"]),
+        ("short_turns = true", &["turns-short"]),
+        ("sends_cyclically = true", &["sends-in-time"]),
+        ("asks_again = true", &["asks-again"]),
+        ("true_complaints = true", &["complaints-true"]),
+    ] {
+        let names: Vec<String> = asked(key, None).into_iter().map(|(name, _)| name).collect();
+        assert_eq!(names, expected, "{key}");
+    }
+}
