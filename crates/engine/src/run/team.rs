@@ -350,4 +350,16 @@ mod tests {
         let all: Vec<Check> = named("second", vec![check]).collect();
         assert_eq!(all, [Check::new("second/settled", false, "so")]);
     }
+
+    /// A robot alone has nothing to meet, and its taps no trouble.
+    #[test]
+    fn a_robot_alone_meets_nothing() {
+        let (scenario, source) = super::super::check::safety::puppet::scenario("");
+        let mut run = Run::new(scenario, &source, None).expect("can be wired");
+        assert_eq!((run.next_meeting(), run.team().len()), (None, 0));
+        assert_eq!((run.team_checks().count(), run.scenarios().count()), (0, 1));
+        assert!(run.is_team_done() && run.take_tap_trouble().is_none());
+        assert!(run.finish_taps().is_ok() && run.fork_team().is_some());
+        assert_eq!(run.next_event(), run.rig.next_event());
+    }
 }

@@ -545,4 +545,34 @@ mod tests {
         );
         assert_eq!(before(5), 0);
     }
+
+    /// Five requests, a second apart: the last two are listed from 4 s on; all of them from the
+    /// start.
+    #[test]
+    fn a_list_begins_with_its_first_exchange() {
+        let mut log = log(4_096, LinkKind::Uart, None);
+        for second in 1..=5 {
+            text(1_000 * second, &mut log, 1, "weight\n");
+            text(1_000 * second + 7, &mut log, 0, "7 kg\n");
+        }
+        let listed = |most: usize| {
+            let told = log.heard(at(10_000)).dialogue(most);
+            (told.exchanges.len(), told.listed_from_s)
+        };
+        assert_eq!(
+            [listed(2), listed(5), listed(9)],
+            [(2, 4.0), (5, 0.0), (5, 0.0)]
+        );
+    }
+
+    /// Behind a branch the next mark is due a step later: 256 bytes of 4,096.
+    #[test]
+    fn a_branch_begins_a_step_anew() {
+        let mut log = log(4_096, LinkKind::Uart, None);
+        log.push(0, at(1), &[7; 100]);
+        log.push(1, at(2), &[7; 40]);
+        log.push(0, at(9), &[7; 100]);
+        log.cut(at(2));
+        assert_eq!(log.marks[0].next, [100 + 256, 40 + 256]);
+    }
 }
