@@ -586,4 +586,22 @@ mod tests {
         assert!(holds("a b c c c c", "a b c", 1));
         assert!(!holds("a b c", "a a b c", 1) && holds("a b c", "a b c c", 1));
     }
+
+    /// The name of a number is the last word before it, with its marks inside.
+    #[test]
+    fn a_number_has_the_name_before_it() {
+        let names = |words: &str| -> Vec<(String, i128)> {
+            let numbers = tokens(words).filter_map(|one| Some((one.name, one.number?)));
+            numbers.collect()
+        };
+        let of = |list: &[(&str, i128)]| {
+            let owned = list
+                .iter()
+                .map(|(name, number)| ((*name).to_owned(), *number));
+            owned.collect::<Vec<_>>()
+        };
+        assert_eq!(names("read _a.b_: 5"), of(&[("_a.b_", 5)]));
+        assert_eq!(names("x 1, 2 y (3)"), of(&[("x", 1), ("x##", 2), ("y", 3)]));
+        assert_eq!(names("7"), of(&[("", 7)]));
+    }
 }

@@ -392,7 +392,7 @@ mod tests {
         let expected = "  4 pieces of 1 to 4 bytes; one each 200.000 ms (100.000 to 300.000)\n  2 \
                         follow the other direction, 7.000 ms later (3.000 to 7.000)\n";
         assert!(said.starts_with(expected), "{said}");
-        // Of four messages, three have two bytes or more and begin with 'a'; all of them are longer.
+        // Of four messages, three have two bytes or more; they begin with 'a'.
         let begins = own.begins.expect("three of four");
         assert_eq!((&*begins.bytes, begins.count), (&b"a"[..], 3));
         assert_eq!(own.ends, None);

@@ -213,4 +213,29 @@ mod tests {
         );
         assert_eq!(text(b"\xFF", false), (false, None));
     }
+
+    /// Messages of several programs are noted with their names.
+    #[test]
+    fn several_programs_are_noted() {
+        let notes = |names: &[&str]| {
+            let entry = |name: &&str| {
+                format!(
+                    "{{\"{TIME}\":\"1764374400000000\",\"SYSLOG_IDENTIFIER\":\"{name}\",\
+                     \"{TEXT}\":\"AB 24\"}}\n"
+                )
+            };
+            let text: String = names.iter().map(entry).collect();
+            let found = read_format(text.as_bytes(), Format::Table, &Options::default());
+            let notes = found.expect("sound").notes.into_iter();
+            notes
+                .filter(|note| note.contains("messages of"))
+                .collect::<Vec<_>>()
+        };
+        assert!(notes(&["a", "a"]).is_empty());
+        let found = notes(&["a", "b", "a"]);
+        assert!(
+            found[0].starts_with("the journal has messages of a, b: "),
+            "{found:?}"
+        );
+    }
 }

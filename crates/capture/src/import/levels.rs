@@ -352,4 +352,33 @@ mod tests {
         let error = of(levels(true, &[5, 9], 20), None).expect_err("no rate");
         assert!(error.message.contains("fit no rate"), "{error}");
     }
+
+    /// 0x35 at 100,000 baud ends with its last change 90 us behind the start; a file of changes
+    /// that ends there is noted.
+    #[test]
+    fn a_file_that_ends_with_a_change_is_noted() {
+        let changes = [0, 10, 20, 30, 40, 50, 70, 90].map(|tenth| 100_000 + tenth * 1_000);
+        let of = |end: u64, is_open| {
+            let levels = Levels {
+                is_open,
+                ..levels(true, &changes, end)
+            };
+            let channel = Channel {
+                name: "D0".to_owned(),
+                levels,
+            };
+            let options = Options {
+                baud: Some(100_000),
+                ..Options::default()
+            };
+            let mut out = Imported::new();
+            read(vec![channel], &options, &mut out).expect("sound");
+            let is_noted = out.notes.iter().any(|note| note.contains("idle behind it"));
+            (out.records().len(), is_noted)
+        };
+        assert_eq!(of(190_000, true), (1, true));
+        assert_eq!(of(900_000, true), (1, false));
+        assert_eq!(of(900_000, false), (1, false));
+        assert_eq!(of(195_000, false), (1, false));
+    }
 }

@@ -268,4 +268,17 @@ mod tests {
         let parts = "0-1 UART: RX: Start bit\n1-9 UART: RX: 41\n1-2 UART: RX bits: 1\n";
         assert_eq!(told(parts), [(9, 0x41)]);
     }
+
+    /// Rows of PulseView name their direction.
+    #[test]
+    fn rows_have_their_directions() {
+        let options = Options {
+            sample_rate: Some(1_000_000),
+            ..Options::default()
+        };
+        let text = "0-10 UART: TX: 01\n20-30 UART: RX: 02\n";
+        let found = read_format(text.as_bytes(), Format::Sigrok, &options).expect("sound");
+        let ways: Vec<Direction> = found.records().iter().map(|one| one.direction).collect();
+        assert_eq!(ways, [Direction::ToDevice, Direction::ToMaster]);
+    }
 }

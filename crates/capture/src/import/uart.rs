@@ -388,4 +388,23 @@ mod tests {
         assert_eq!(of(&[5_000; 4], 0, 9), None);
         assert_eq!(of(&[], 0, 0), None);
     }
+
+    /// 0x03 has two ones: its odd parity bit is 1, from 90 us behind the start on.
+    #[test]
+    fn an_odd_parity_is_checked() {
+        let odd = LineConfig {
+            parity: Parity::Odd,
+            ..LineConfig::new_8n1(100_000)
+        };
+        let mut levels = Levels {
+            first: true,
+            changes: vec![10_000, 20_000, 40_000, 100_000],
+            end: 500_000,
+            is_open: false,
+        };
+        assert_eq!(characters(&levels, odd), [(120_000, Read::Byte(3))]);
+        levels.changes[3] = 110_000;
+        let wrong = [(120_000, Read::Event(LineEvent::ParityError))];
+        assert_eq!(characters(&levels, odd), wrong);
+    }
 }

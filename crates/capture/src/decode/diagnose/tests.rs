@@ -393,3 +393,22 @@ fn what_is_missing_is_told_from_its_limits_on() {
     assert_eq!(low(512, 0), [Damage::SevenBits { bytes: 512 }]);
     assert!([low(511, 0), low(511, 1)].iter().all(Vec::is_empty));
 }
+
+/// 62 bytes are too few for a diagnosis, 64 are enough.
+#[test]
+fn a_few_bytes_have_no_diagnosis() {
+    let doubled = |pairs: u8| -> Vec<u8> { (0..pairs).flat_map(|n| [0x80 + n; 2]).collect() };
+    assert_eq!(of(&doubled(31)), []);
+    let (equal, pairs) = (32, 32);
+    assert_eq!(of(&doubled(32)), [Damage::Doubled { equal, pairs }]);
+}
+
+/// The neighbours of 13 and 17 occur 4, 8, 12 and 20 times: 11 on average.
+#[test]
+fn each_neighbour_counts_once() {
+    let around = [12, 14, 16, 18].into_iter().zip([4, 8, 12, 20]);
+    let bytes: Vec<u8> = around
+        .flat_map(|(value, count)| vec![value; count])
+        .collect();
+    assert_eq!(Counts::of(&bytes).around(13, 17), 11);
+}

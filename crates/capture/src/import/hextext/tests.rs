@@ -506,6 +506,12 @@ fn numbers_of_other_bases_are_certain_in_lists_or_with_directions() {
         ("10 2A 30 40 50 60 70 80 90\n", None),
         ("10 2A 30 40 50 60 70 80\n", Some(Look::Surely)),
         ("0x10\n", Some(Look::Perhaps)),
+        // One direction before nothing but pairs; a damaged byte leaves it open.
+        ("TX: 10 20 30\n", Some(Look::Surely)),
+        (
+            "TX: 10 20\nTX: 10 30\nTX: 10 40\nTX: 1Z\n",
+            Some(Look::Perhaps),
+        ),
         ("10\n", None),
     ] {
         assert_eq!(look(text.as_bytes()), expected, "{text}");

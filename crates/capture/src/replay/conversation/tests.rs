@@ -459,3 +459,17 @@ fn a_further_opening_is_no_progress() {
     }
     assert_eq!(talk.said(), 15);
 }
+
+/// A conversation is complete once the port was opened, and everything was sent and taken.
+#[test]
+fn a_conversation_is_complete_when_all_was_sent() {
+    let mut talk = talk(&passage(&[], &[(200, b"hello")]));
+    assert!(!talk.is_done());
+    talk.open(ms(0));
+    assert!(!talk.is_done());
+    talk.poll(ms(200));
+    assert!(!talk.is_done() && talk.has_more());
+    assert_eq!(talk.transmit(&mut [0; 64]), 5);
+    assert!(talk.is_done() && !talk.has_more());
+    assert_eq!((talk.said(), talk.link()), (5, "meter"));
+}
