@@ -560,6 +560,8 @@ mod tests {
                     .add(FaultId(0), Window::ALWAYS.into(), Effect::Echo);
                 line.latency = core::time::Duration::from_millis(5);
             }
+            // Both ends of all links have been asked once, and have nothing to send.
+            rig.run_until(at(0));
             rig.inject(ends[side].node, &[1]);
             rig.run_until(at(10));
             assert_eq!(rig.take_output(ends[side].node).to_vec(), [1]);
