@@ -1,6 +1,7 @@
 //! Tracking: each scan is aligned with the recent walls.
 
 mod accuracy;
+mod calibration;
 mod closing;
 mod localise;
 mod lost;
@@ -19,6 +20,7 @@ use crate::mapping::motion::{between, distance, moved};
 use crate::mapping::sheet::Sheet;
 use crate::mapping::surfels::{Surfels, some_of};
 pub use accuracy::Accuracy;
+use calibration::{Calibration, Step};
 use closing::Closing;
 pub use localise::{Localiser, WallPoint};
 use lost::Lost;
@@ -92,6 +94,7 @@ pub struct Mapper {
     /// The path by odometry only, its length, and its state at the last keyframe.
     by_wheels: ByWheels,
     bend: Bend,
+    calibration: Calibration,
     /// Usual share of a scan on known walls, and number of consecutive scans far below it.
     usual: f64,
     below: u32,
@@ -156,6 +159,7 @@ impl Mapper {
             wheels: [1.0; 2],
             by_wheels: ByWheels::default(),
             bend: Bend::default(),
+            calibration: Calibration::default(),
             usual: 0.0,
             below: 0,
         }
@@ -166,11 +170,11 @@ impl Mapper {
         let cloud = Cloud::new(shot.ends);
         if self.keyframes.is_empty() {
             // The path begins with the first scan, whatever the earlier odometry was.
-            self.by_wheels.go(Pose::default());
+            self.by_wheels.go(Pose::default(), true);
             self.keep(cloud, 1.0, None);
             return self.outcome(1.0, diagonal([1e-6; 3]));
         }
-        self.by_wheels.go(shot.moved);
+        self.by_wheels.go(shot.moved, shot.is_measured);
         let wide = self.predicted(shot);
         // Without odometry there is no odometry error.
         let by = shot.moved;
@@ -260,8 +264,9 @@ impl Mapper {
         }
         let noise = self.settings.noise;
         let [far, turned] = self.wheels.map(|wheels| wheels.max(RARE));
+        let by = bent(shot.moved, self.bend.told());
         Prior {
-            pose: moved(self.pose, bent(shot.moved, self.bend.told())),
+            pose: moved(self.pose, self.calibration.corrected(by)),
             deviation: [
                 (metres * far * noise).min(0.6),
                 (radians * turned * noise).min(0.35),
@@ -355,11 +360,30 @@ impl Mapper {
         }
     }
 
+    /// Learns the calibration of the odometry from the motion since the last keyframe, whose pose
+    /// `fit` has aligned. Single scans would not do: until the next keyframe is drawn, all of them
+    /// are aligned with the walls as the last one saw them, which holds them back.
+    fn calibrate(&mut self, fit: &Fit, held: Matrix) {
+        let (from, wheels) = self.by_wheels.moved_since_stand();
+        if fit.explained > POOR && self.by_wheels.is_whole {
+            self.calibration.learn(&Step {
+                before: moved(self.graph.poses[self.at], from),
+                after: self.pose,
+                wheels,
+                walls: fit.information,
+                held,
+            });
+        }
+    }
+
     /// Stores a scan at the current pose as a keyframe; `fit` is its alignment with the walls.
     fn keep(&mut self, cloud: Cloud, quality: f64, fit: Option<Fit>) {
         let number = self.graph.add_pose(self.pose);
         let unsure = self.unsure.map(|variance| 1.0 / variance.max(1e-8));
         let by_wheels = diagonal([unsure[0], unsure[0], unsure[1]]);
+        if let Some(fit) = fit.filter(|_| number > 0) {
+            self.calibrate(&fit, by_wheels);
+        }
         let known = fit.and_then(|fit| inverse(&sum(&fit.information, &by_wheels)));
         self.keyframes.push(Keyframe {
             cloud,

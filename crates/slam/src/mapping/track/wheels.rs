@@ -19,10 +19,13 @@ pub(super) struct ByWheels {
     /// Odometry pose at the last keyframe, and the matched pose as seen from that keyframe.
     stood: Pose,
     from: Pose,
+    /// Whether the odometry has measured all motion since then.
+    pub(super) is_whole: bool,
 }
 
 impl ByWheels {
-    pub(super) fn go(&mut self, by: Pose) {
+    pub(super) fn go(&mut self, by: Pose, is_measured: bool) {
+        self.is_whole &= is_measured;
         self.pose = moved(self.pose, by);
         self.turned += by.theta;
         self.way_m += libm::hypot(by.x, by.y);
@@ -33,11 +36,18 @@ impl ByWheels {
     pub(super) const fn stand(&mut self, from: Pose) {
         self.stood = self.pose;
         self.from = from;
+        self.is_whole = true;
     }
 
     /// The current pose by odometry, relative to that keyframe.
     pub(super) fn since_stand(&self) -> Pose {
-        moved(self.from, between(self.stood, self.pose))
+        let (from, by) = self.moved_since_stand();
+        moved(from, by)
+    }
+
+    /// The pose at the last keyframe, relative to it, and the motion since by odometry.
+    pub(super) fn moved_since_stand(&self) -> (Pose, Pose) {
+        (self.from, between(self.stood, self.pose))
     }
 }
 
