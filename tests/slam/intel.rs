@@ -45,7 +45,7 @@ fn whole(map: &Sheet) -> Vec<u8> {
     cells
 }
 
-/// With loop closure: at most 0.075 m on average and 0.045 m in the median, and no doubtful pose;
+/// With loop closure: at most 0.062 m on average and 0.039 m in the median, and no doubtful pose;
 /// the same on every host and build. The mean is limited by the odometry between the scans, which
 /// lie 0.55 m apart: poses fitted to the relations themselves reach 0.041 m.
 #[test]
@@ -62,7 +62,7 @@ fn loops_are_closed_in_the_intel_lab() {
         "Intel, loops closed: mean {mean_m:.4} m, median {median_m:.4} m, cpu {:?}",
         survey.cpu
     );
-    assert!(mean_m <= 0.075 && median_m <= 0.045, "{mean_m} {median_m}");
+    assert!(mean_m <= 0.062 && median_m <= 0.039, "{mean_m} {median_m}");
     assert!(survey.loop_edges() > 100);
     assert_eq!((survey.doubtful, survey.outside), (0, 0));
     assert_eq!(survey.parts, Some(1));
@@ -72,7 +72,7 @@ fn loops_are_closed_in_the_intel_lab() {
 }
 
 /// Of poses and map with loops closed; changes with the mapper, never with the host or the build.
-const LOOPS_SAME_EVERYWHERE: &str = "f4586906e2bb7f5d";
+const LOOPS_SAME_EVERYWHERE: &str = "6de77373c1312ff9";
 
 /// At most 0.075 m on average over 2,984 relations, with the settings of every log. Another
 /// tinySLAM has 0.077 m in the median of nine seeds, the particle filter that corrected this log

@@ -493,6 +493,7 @@ impl Mapper {
     pub fn finish(&mut self) {
         if !self.keyframes.is_empty() {
             self.find_rest();
+            self.close_last();
             self.settle();
             self.check_joins();
         }

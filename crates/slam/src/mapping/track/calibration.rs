@@ -123,8 +123,8 @@ mod tests {
     /// Odometry that reports 3 % too much, of a laser 0.1 m ahead that looks 0.01 rad to the right.
     const TRUE: [f64; 3] = [-0.03, 0.1, 0.01];
 
-    /// 1,200 steps of 0.4 m, turning left and right, with these shares of walls along and across. An
-    /// alignment leaves the rest of the error of the corrected odometry.
+    /// 1,200 steps of 0.4 m, turning left and right, with these shares of walls along and across.
+    /// An alignment leaves the rest of the error of the corrected odometry.
     fn taught(along: f64, across: f64) -> [f64; 3] {
         let mut calibration = Calibration::default();
         let shares = [along, across];

@@ -43,6 +43,12 @@ pub(crate) struct Closing {
 /// Length of path between two searches, metres.
 const EACH_M: f64 = 1.0;
 
+/// The same for the last search: length of the path, between two searches, and of the recent walls,
+/// metres.
+const LAST_M: f64 = 4.0;
+const LAST_EACH_M: f64 = 0.5;
+const LAST_VIEW_M: f64 = 3.0;
+
 /// Minimum length of path since an old place, metres.
 const OLD_M: f64 = 15.0;
 /// Length of path above which the pose is not nearly known, metres.
@@ -111,7 +117,7 @@ impl Mapper {
         for (key, way_m) in self.places(number) {
             if way_m < FAR_M {
                 is_strained |= self.lay(key, number, way_m);
-            } else if self.seek(key, number, way_m) {
+            } else if self.seek(key, number, way_m, PLACE_M) {
                 return true;
             }
         }
@@ -234,10 +240,11 @@ impl Mapper {
         }
     }
 
-    /// Searches for the recent walls at an old place and closes the loop if they match.
-    fn seek(&mut self, key: usize, number: usize, way_m: f64) -> bool {
+    /// Searches for the walls of the last `view_m` metres at an old place and closes the loop if
+    /// they match.
+    fn seek(&mut self, key: usize, number: usize, way_m: f64, view_m: f64) -> bool {
         let here = self.graph.poses[number];
-        let lately = self.chain(number, PLACE_M, 0.0);
+        let lately = self.chain(number, view_m, 0.0);
         let spots = self.seen_from(lately.clone(), here);
         let wide = Wide {
             reach_m: grown(REACH, way_m),
@@ -411,6 +418,31 @@ impl Mapper {
             && wrap_angle(by_walls.theta - by_way.theta).abs() < AGREE_RAD
     }
 
+    /// Searches for loop closures of the last keyframes once more, with shorter views. A robot that
+    /// comes back to a known area in the last metres of its path has seen most of its recent walls
+    /// before it came there, and no later keyframe can confirm a match.
+    pub(crate) fn close_last(&mut self) {
+        if !self.settings.closes_loops {
+            return;
+        }
+        let last = self.chain(self.keyframes.len() - 1, LAST_M, 0.0);
+        let mut looked_at_m = f64::NEG_INFINITY;
+        for number in last {
+            let path_m = self.keyframes[number].path_m;
+            if path_m - looked_at_m < LAST_EACH_M {
+                continue;
+            }
+            looked_at_m = path_m;
+            for (key, way_m) in self.places(number) {
+                if way_m < FAR_M {
+                    self.lay(key, number, way_m);
+                } else if self.seek(key, number, way_m, LAST_VIEW_M) {
+                    break;
+                }
+            }
+        }
+    }
+
     /// Optimises all poses at the end, and removes contradicting loops.
     pub(crate) fn settle(&mut self) {
         self.graph.bend = self.bend.told();
@@ -441,7 +473,9 @@ impl Mapper {
 #[expect(clippy::cast_possible_truncation, reason = "metres of a small room")]
 mod tests {
     use super::*;
-    use crate::mapping::Settings;
+    use crate::mapping::building::Building;
+    use crate::mapping::motion::aligned_m;
+    use crate::mapping::{Settings, Shot};
 
     /// A scan at the origin of a room from (-2, -1.5) to (3, 2), metres, with a niche in the north:
     /// no other pose in the room gives the same scan.
@@ -543,6 +577,35 @@ mod tests {
             mapper.places(2).first().map(|(key, _)| *key)
         };
         assert_eq!([nearest(1.0), nearest(0.4)], [Some(0), Some(1)]);
+    }
+
+    /// The log ends while the robot comes back to the corridor where it began: no loop is closed
+    /// yet. Five scans later one would be.
+    #[test]
+    fn a_loop_at_the_end_of_a_log_is_closed() {
+        let building = Building::generate(16);
+        let sights = &building.sights[..=100];
+        let mut mapper = Mapper::new(Settings {
+            start: sights[0].truth,
+            ..Settings::default()
+        });
+        for sight in sights {
+            mapper.take(&Shot {
+                moved: sight.moved,
+                is_measured: true,
+                ends: &sight.ends,
+            });
+        }
+        let truth: Vec<Pose> = sights.iter().map(|sight| sight.truth).collect();
+        let off_m = |mapper: &Mapper| aligned_m(&truth, &mapper.way());
+        let (open_m, loops) = (off_m(&mapper), mapper.graph().loops().len());
+        assert_eq!(loops, 0);
+        mapper.finish();
+        let (closed_m, loops) = (off_m(&mapper), mapper.graph().loops().len());
+        assert!(
+            loops > 1 && closed_m < open_m / 2.0,
+            "{loops}, {closed_m} of {open_m}"
+        );
     }
 
     /// Two keyframes 1 m apart, both matched 5 m to the north, agree. A keyframe matched 1 m
