@@ -471,8 +471,9 @@ mod tests {
         assert_eq!(read([0, 3400]), [0b1111_1100, 0b1111_1110]);
     }
 
-    /// For a receiver with bits of 104 us the 87 us of a fast 41 are a start bit: its middle at 52
-    /// us lies in bit 5, low, with only idle line behind. A change of rates ends that at once.
+    /// A slow receiver takes the whole fast character 41 (87 us) for a start bit (104 us), because
+    /// the middle of that bit, at 52 us, lies in the low bit 5. A change of rates ends this
+    /// character at once.
     #[test]
     fn a_change_of_rates_ends_what_was_being_read() {
         let [slow, fast] = [9_600, 115_200].map(LineConfig::new_8n1);

@@ -501,7 +501,8 @@ mod tests {
         assert!(!first.is_at_end && matches!(first.state, State::Ready(Next::Go(None))));
     }
 
-    /// Each process has chance of its own, of the run's seed and the order of births.
+    /// Each process has its own random numbers. They depend on the seed of the run and on the order
+    /// in which processes begin.
     #[test]
     fn threads_and_processes_are_counted_by_birth() {
         let drawn = || {

@@ -143,8 +143,8 @@ impl<'a> Harness<'a> {
         self.spent.get()
     }
 
-    /// Enables coverage guidance for programs that count it; the counters lie in `dir` if the
-    /// system has no file system in memory.
+    /// Enables guidance by coverage for programs that are compiled to count it. The file of the
+    /// counters is in `dir` if the system has no file system in memory.
     ///
     /// # Errors
     /// If the file of the counters cannot be created.
