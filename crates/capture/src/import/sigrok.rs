@@ -178,8 +178,10 @@ mod tests {
     use super::*;
     use crate::import::{Format, read as read_format};
 
+    type Samples = Option<(u64, u64)>;
+
     /// Decoder, samples and content of a line.
-    fn of(text: &str) -> Option<(String, Option<(u64, u64)>, &str)> {
+    fn of(text: &str) -> Option<(String, Samples, &str)> {
         let one = annotation(text.as_bytes())?;
         Some((one.decoder, one.samples, one.what))
     }

@@ -415,7 +415,9 @@ mod tests {
             without_comments("AB /* c */ 24 /* d", &mut is_open),
             "AB  24 "
         );
-        assert!(is_open && without_comments("e", &mut is_open).is_empty() && is_open);
+        assert!(is_open, "a comment");
+        assert_eq!(without_comments("e", &mut is_open), "");
+        assert!(is_open, "a line within the comment");
         assert_eq!(without_comments("f */ 0A", &mut is_open), " 0A");
         assert!(!is_open);
     }
