@@ -260,7 +260,7 @@ mod tests {
         let folder = std::env::temp_dir().join(format!("hilrig-export-{}", std::process::id()));
         std::fs::create_dir_all(&folder).expect("a folder for files");
         for (format, words) in [
-            (Format::Tum, "the program believed to be nowhere"),
+            (Format::Tum, "the program reported no believed pose"),
             (Format::RosMap, "the program has no map"),
             (Format::Carmen, "no link carries a lidar's turns"),
         ] {

@@ -173,7 +173,7 @@ mod tests {
         assert_eq!(of(10, [8, 12, 7, 13]), [true, true, false, false]);
     }
 
-    /// The line is counted from one; the two numbers of lines are told.
+    /// The line is counted from one; both numbers of lines are printed.
     #[test]
     fn a_different_line_is_told() {
         let sound = Sound::of("good", "a\nb\nc\n", &[], |_| 9600);

@@ -245,7 +245,7 @@ mod tests {
         ] {
             let mut out = Imported::new();
             let found = upright(own.clone(), "D0", &mut out);
-            let note = "channel \"D0\" is low when idle: it is read upside down, as RS-232 levels \
+            let note = "channel \"D0\" is low when idle: it is read inverted, as RS-232 levels \
                         are";
             let (expected, notes) = match is_inverted {
                 true => (own.clone().inverted(), vec![note.to_owned()]),

@@ -251,7 +251,7 @@ mod tests {
     /// What was assumed can be turned round; what a name tells needs no such note.
     #[test]
     fn assumed_roles_are_noted() {
-        let other = "--from program is the other way round";
+        let other = "--from program exchanges the directions";
         assert_eq!(
             notes(&["D0", "D1"]),
             [

@@ -155,8 +155,8 @@ mod tests {
         Answer::Exchange(Reply { next, items })
     }
 
-    /// A program that ends at once cannot continue. Its rig cannot be copied, and nobody knows what
-    /// comes next in it.
+    /// A program that ends at once cannot continue. Its rig cannot be copied, and its next event
+    /// is unknown.
     #[test]
     fn a_program_that_ended_is_lost() {
         let mut rig = bare::rig();

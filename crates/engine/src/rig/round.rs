@@ -569,7 +569,7 @@ mod tests {
         }
     }
 
-    /// At 5 us a device is told to send a byte at 20 us. Until then the line does not ask for it,
+    /// At 5 us a device gets the order to send a byte at 20 us. Until then the line does not ask for it,
     /// also if another run begins before.
     #[test]
     fn bytes_that_are_planned_leave_at_their_time() {

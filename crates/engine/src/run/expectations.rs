@@ -239,7 +239,7 @@ mod tests {
     use Status::{Fail, NotObserved, Pass};
 
     /// The greatest permitted error is permitted; without a value it may still come in a run that
-    /// goes on.
+    /// continues.
     #[test]
     fn errors_of_the_pose_have_a_limit() {
         let error = |rms_mm, rms_deg| {

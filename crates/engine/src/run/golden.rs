@@ -333,7 +333,7 @@ mod tests {
     }
 
     /// A path is near between its corners as well: 490 mm beside it, a quarter of a metre behind a
-    /// corner. A point 600 mm beside it is told with this distance.
+    /// corner. A point 600 mm beside it is printed with this distance.
     #[test]
     fn a_path_is_near_between_its_corners() {
         let golden = path(&[[0.0, 0.0], [1.0, 0.0]]);

@@ -13,14 +13,14 @@ use emulators::world::{Pose, wrap_angle};
 use crate::mapping::Shot;
 use crate::mapping::align::{Fit, Prior, align};
 use crate::mapping::cloud::{Cloud, Frame, Spot};
-use crate::mapping::graph::{Edge, Graph, Kind, Walk, bent};
+use crate::mapping::graph::{Edge, Graph, Kind, Walk};
 use crate::mapping::keyframe::Keyframe;
 use crate::mapping::matrix::{Matrix, diagonal, inverse, sum, turned};
 use crate::mapping::motion::{between, distance, moved};
 use crate::mapping::sheet::Sheet;
 use crate::mapping::surfels::{Surfels, some_of};
 pub use accuracy::Accuracy;
-use calibration::{Calibration, Step};
+use calibration::Calibration;
 use closing::Closing;
 pub use localise::{Localiser, WallPoint};
 use lost::Lost;
@@ -252,28 +252,6 @@ impl Mapper {
         }
     }
 
-    /// The pose of a scan predicted by odometry, with its uncertainty.
-    fn predicted(&self, shot: &Shot<'_>) -> Prior {
-        let way = libm::hypot(shot.moved.x, shot.moved.y);
-        let turn = shot.moved.theta.abs();
-        let mut metres = 0.02 + 0.08 * way + 0.05 * turn;
-        let mut radians = 0.01 + 0.03 * way + 0.10 * turn;
-        if !shot.is_measured {
-            metres += 0.1;
-            radians += 0.1;
-        }
-        let noise = self.settings.noise;
-        let [far, turned] = self.wheels.map(|wheels| wheels.max(RARE));
-        let by = bent(shot.moved, self.bend.told());
-        Prior {
-            pose: moved(self.pose, self.calibration.corrected(by)),
-            deviation: [
-                (metres * far * noise).min(0.6),
-                (radians * turned * noise).min(0.35),
-            ],
-        }
-    }
-
     /// The same for wheels without slip: odometry is usually accurate and sometimes very wrong.
     fn firm(&self, prior: &Prior) -> Prior {
         let part =
@@ -357,22 +335,6 @@ impl Mapper {
         self.unsure = [variance[0][0].max(variance[1][1]), variance[2][2]];
         if self.is_stale() {
             self.redraw();
-        }
-    }
-
-    /// Learns the calibration of the odometry from the motion since the last keyframe, whose pose
-    /// `fit` has aligned. Single scans would not do: until the next keyframe is drawn, all of them
-    /// are aligned with the walls as the last one saw them, which holds them back.
-    fn calibrate(&mut self, fit: &Fit, held: Matrix) {
-        let (from, wheels) = self.by_wheels.moved_since_stand();
-        if fit.explained > POOR && self.by_wheels.is_whole {
-            self.calibration.learn(&Step {
-                before: moved(self.graph.poses[self.at], from),
-                after: self.pose,
-                wheels,
-                walls: fit.information,
-                held,
-            });
         }
     }
 

@@ -259,8 +259,8 @@ mod tests {
         }
     }
 
-    /// Numbers of one to three digits, and longer ones; those with a letter, with a leading zero, or
-    /// with a sign; and those that can be octal, decimal, a word of od or binary.
+    /// Numbers of one to three digits, and longer ones; those with a letter, with a leading zero,
+    /// or with a sign; and those that can be octal, decimal, a word of od or binary.
     #[test]
     fn the_forms_of_numbers_are_counted() {
         let mut shape = Shape::default();

@@ -567,7 +567,7 @@ fn arrows_behind_times_tell_a_direction_if_there_are_two() {
     assert_eq!(of("<-"), (vec![to, from], false));
 }
 
-/// What is assumed of the digits is noted.
+/// Assumptions about the digits are noted.
 #[test]
 fn assumed_digits_are_noted() {
     let has = |text: &str, words: &str| {

@@ -406,7 +406,7 @@ fn a_stream_that_a_request_has_started_goes_on_until_the_next_one() {
     assert!(said(&mut talk, 5_000).len() <= LEFT_MAX);
 }
 
-/// Only figures that are not zero are told.
+/// Only figures that are not zero are printed.
 #[test]
 fn a_tally_tells_what_there_is() {
     let tally = Tally {

@@ -351,7 +351,7 @@ mod tests {
         );
     }
 
-    /// The time of a fault without a delay is told with its message. The latencies of the line, 5
+    /// The time of a fault without a delay is logged with its message. The latencies of the line, 5
     /// us, and of a fault, 20 us, add up; a later message has that of the line only.
     #[test]
     fn a_message_tells_the_faults_that_were_at_work() {

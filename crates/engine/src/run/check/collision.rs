@@ -326,7 +326,7 @@ mod tests {
     /// A drive that follows the program is to blame, and so is one whose commands are not known.
     #[test]
     fn a_contact_is_judged_if_the_drive_follows() {
-        let told = "1 contacts, the first in earnest at 1.000000 s, worst driven into at 0.300 m/s";
+        let told = "1 contacts, the first harmful one at 1.000000 s, the fastest at 0.300 m/s";
         let fails = (Status::Fail, told.to_owned());
         assert_eq!(judged(Some(BYTE), 5, None), fails);
         assert_eq!(judged(None, 7, None), fails);
@@ -335,7 +335,7 @@ mod tests {
             ..BYTE
         };
         assert_eq!(judged(Some(other), 7, None), fails);
-        let excused = "1 contacts, in earnest only while a sensor deceives the robot or its drive \
+        let excused = "1 contacts, harmful only while a sensor deceives the robot or its drive \
                        does not follow";
         let passes = (Status::Pass, excused.to_owned());
         assert_eq!(judged(Some(BYTE), 7, None), passes);

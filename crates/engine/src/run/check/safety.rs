@@ -262,6 +262,7 @@ pub(crate) fn overruns(most: u64, rig: &Rig, events: &[Logged]) -> Check {
 }
 
 #[cfg(test)]
+#[path = "safety/tests/puppet.rs"]
 pub(in crate::run) mod puppet;
 #[cfg(test)]
 pub(in crate::run) mod tests;

@@ -244,7 +244,7 @@ fn what_a_program_broke_is_told_with_its_time() {
     );
 }
 
-/// The first of two stray writes, and the end at 4 ms, are told with their times.
+/// The first of two stray writes, and the end at 4 ms, are printed with their times.
 #[test]
 fn a_program_that_breaks_is_told_with_the_first_moment() {
     use super::safety::puppet::{copied, puppet};

@@ -420,7 +420,7 @@ mod tests {
         assert_eq!((check.status, &*check.detail), (Status::NotObserved, words));
     }
 
-    /// Rules are told apart by device and name; exempt ones are not counted.
+    /// Rules differ by device and name; exempt ones are not counted.
     #[test]
     fn each_rule_of_each_device_is_told() {
         let (mut rig, _) = crate::rig::bare::linked(["base"], 1_000_000);

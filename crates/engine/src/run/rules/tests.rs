@@ -348,7 +348,10 @@ fn an_event_that_must_not_come_is_counted() {
     assert!(came.told(true).1.ends_with("; 2 times in all"));
     let mut silent = bench(&rule);
     silent.at(10, "a", NO);
-    silent.ends(NotObserved, "nothing of it appeared; expected never");
+    silent.ends(
+        NotObserved,
+        "nothing that the rule names appeared; expected never",
+    );
     let mut busy = bench(&rule);
     busy.at(10, "x", NO);
     busy.ends(Pass, "never came up: never");
@@ -360,7 +363,7 @@ fn a_goal_may_be_missed() {
     goal.at(10, "", NO);
     goal.ends(
         NotObserved,
-        "not reached in this run, as a single run may: sometimes",
+        "not reached in this run, which can happen in a single run: sometimes",
     );
     assert!(!goal.rules.awaits(goal.rig.now()));
     goal.at(20, "", YES).at(30, "", 0.8);

@@ -6,6 +6,10 @@
 
 use emulators::world::{Pose, wrap_angle};
 
+use super::{Mapper, POOR, RARE};
+use crate::mapping::Shot;
+use crate::mapping::align::{Fit, Prior};
+use crate::mapping::graph::bent;
 use crate::mapping::matrix::{Matrix, ZERO, applied, diagonal, inverse, product, sum, transposed};
 use crate::mapping::motion::{between, moved};
 
@@ -114,6 +118,46 @@ fn gain(step: &Step) -> Option<Matrix> {
     let xy = (shares[0][1] + shares[1][0]) / 2.0;
     let least = (xx + yy) / 2.0 - libm::hypot((xx - yy) / 2.0, xy);
     (least > BY_WALLS).then_some(shares)
+}
+
+impl Mapper {
+    /// The pose of a scan predicted by odometry, with its uncertainty.
+    pub(super) fn predicted(&self, shot: &Shot<'_>) -> Prior {
+        let way = libm::hypot(shot.moved.x, shot.moved.y);
+        let turn = shot.moved.theta.abs();
+        let mut metres = 0.02 + 0.08 * way + 0.05 * turn;
+        let mut radians = 0.01 + 0.03 * way + 0.10 * turn;
+        if !shot.is_measured {
+            metres += 0.1;
+            radians += 0.1;
+        }
+        let noise = self.settings.noise;
+        let [far, turned] = self.wheels.map(|wheels| wheels.max(RARE));
+        let by = bent(shot.moved, self.bend.told());
+        Prior {
+            pose: moved(self.pose, self.calibration.corrected(by)),
+            deviation: [
+                (metres * far * noise).min(0.6),
+                (radians * turned * noise).min(0.35),
+            ],
+        }
+    }
+
+    /// Learns the calibration of the odometry from the motion since the last keyframe, whose pose
+    /// `fit` has aligned. Single scans would not do: until the next keyframe is drawn, all of them
+    /// are aligned with the walls as the last one saw them, which holds them back.
+    pub(super) fn calibrate(&mut self, fit: &Fit, held: Matrix) {
+        let (from, wheels) = self.by_wheels.moved_since_stand();
+        if fit.explained > POOR && self.by_wheels.is_whole {
+            self.calibration.learn(&Step {
+                before: moved(self.graph.poses[self.at], from),
+                after: self.pose,
+                wheels,
+                walls: fit.information,
+                held,
+            });
+        }
+    }
 }
 
 #[cfg(test)]

@@ -186,7 +186,7 @@ mod tests {
         (check.status, check.detail)
     }
 
-    /// Three poses at most 200 mm off; a pose that is told twice counts once.
+    /// Three poses at most 200 mm off; a pose that is reported twice counts once.
     #[test]
     fn each_pose_is_judged_once() {
         let (robot, mut rig) = (robot(0.1, 0.0), rig());
