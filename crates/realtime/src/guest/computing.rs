@@ -432,7 +432,7 @@ mod tests {
         assert!(
             check
                 .detail
-                .starts_with("0 calls, the case has 1 or others"),
+                .starts_with("0 calls, the case has 1, perhaps other ones"),
             "{}",
             check.detail
         );

@@ -266,7 +266,7 @@ mod tests {
             bench.calls(libc::SYS_io_uring_setup, &[]),
             error(Errno::ENOSYS)
         );
-        let note = "io_uring is not there: the program has to do without";
+        let note = "io_uring is not available to the program";
         assert_eq!(notes(&mut bench), [note]);
         for (number, name) in [
             (libc::SYS_futex_waitv, "futex_waitv"),
@@ -275,7 +275,7 @@ mod tests {
             (FUTEX_REQUEUE, "futex_requeue"),
         ] {
             assert_eq!(bench.calls(number, &[]), error(Errno::ENOSYS));
-            let note = format!("{name} is not there: the program has to do without");
+            let note = format!("{name} is not available to the program");
             assert_eq!(notes(&mut bench), [note]);
         }
         for (number, name) in [
@@ -329,7 +329,7 @@ mod tests {
         }
         assert!(bench.supervisor.notes().is_empty());
         assert!(free(&mut bench, libc::SYS_setsockopt, &[]));
-        let note = "is told the system's time of messages (SO_TIMESTAMP)";
+        let note = "gets the system's time of messages (SO_TIMESTAMP)";
         assert_eq!(core::mem::take(&mut bench.supervisor.notes), [note]);
         assert!(free(&mut bench, libc::SYS_io_submit, &[]));
         assert_eq!(
