@@ -19,7 +19,7 @@ fn the_program_runs_against_a_robot_on_a_port() {
     let first = rig();
     let server = Server::start(&["--pc", &format!("{dir}/pc")]);
     let mut page = server.page().expect("there is room");
-    let connected = |now: &serde_json::Value| now["pc"]["connection"] == "connected";
+    let connected = |now: &Value| now["pc"]["connection"] == "connected";
     let now = page.hear("now", connected).expect("shown");
     assert_eq!(now["truth"], json!(null));
     page.hear("now", |now| !now["pc"]["size_mm"].is_null());
@@ -92,7 +92,7 @@ fn yellows_pc_runs_against_a_robot_on_a_port() {
     let stage = page.hear("stage", |_| true).expect("shown");
     assert_eq!(stage["footprint"], json!({"circle": [0.0, 0.0, 0.12]}));
     let does =
-        |mode: &'static str| move |now: &serde_json::Value| now["pc"]["state"]["mode"] == mode;
+        |mode: &'static str| move |now: &Value| now["pc"]["state"]["mode"] == mode;
     assert!(page.hear("now", does("off")).is_some());
     assert!(page.send(r#"{"do":"mode","mode":"reactive"}"#));
     assert!(page.hear("now", does("auto-reactive")).is_some());
