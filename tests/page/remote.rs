@@ -91,8 +91,7 @@ fn yellows_pc_runs_against_a_robot_on_a_port() {
     let mut page = server.page().expect("there is room");
     let stage = page.hear("stage", |_| true).expect("shown");
     assert_eq!(stage["footprint"], json!({"circle": [0.0, 0.0, 0.12]}));
-    let does =
-        |mode: &'static str| move |now: &Value| now["pc"]["state"]["mode"] == mode;
+    let does = |mode: &'static str| move |now: &Value| now["pc"]["state"]["mode"] == mode;
     assert!(page.hear("now", does("off")).is_some());
     assert!(page.send(r#"{"do":"mode","mode":"reactive"}"#));
     assert!(page.hear("now", does("auto-reactive")).is_some());
