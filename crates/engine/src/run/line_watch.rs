@@ -490,9 +490,10 @@ mod tests {
         );
     }
 
-    /// The bytes are counted in all forms; a watch for good goes on after it has held.
+    /// The bytes are counted in all forms. A watch that is not for one time continues after it has
+    /// held.
     #[test]
-    fn a_watch_that_is_not_once_goes_on() {
+    fn a_watch_that_is_not_once_continues() {
         let direction = DirectionSpec::ToMaster;
         let after = |is_once: bool| {
             let mut watches = LineWatches::default();

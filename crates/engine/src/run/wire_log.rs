@@ -535,7 +535,7 @@ mod tests {
         assert_eq!(hits, [true, false]);
     }
 
-    /// 6,000 bytes of each lane are searched, or 40,000 of a single one; 400 frames are told.
+    /// 6,000 bytes of each lane are searched, or 40,000 of a single one; 400 frames are shown.
     #[test]
     fn the_newest_bytes_and_frames_are_told() {
         let mut log = WireLog::default();

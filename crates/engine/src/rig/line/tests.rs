@@ -535,8 +535,8 @@ fn a_pause_of_bytes_that_are_read_later_is_kept() {
     assert_eq!(arrivals(&mut line), [(120, vec![]), (120, vec![0x9C])]);
 }
 
-/// A character without a parity bit, read with one: 03 is left out, and its error is logged when the
-/// line has been quiet for two characters of 11 bits, 22 us.
+/// A character without a parity bit, read with one: 03 is left out, and its error is logged when
+/// the line has been quiet for two characters of 11 bits, 22 us.
 #[test]
 fn a_character_that_ends_in_silence_is_counted() {
     let mut line = line();

@@ -373,9 +373,9 @@ fn a_goal_may_be_missed() {
     );
 }
 
-/// A copy goes on with what was asked before, on its own lines.
+/// A copy keeps the questions asked before, on its own lines.
 #[test]
-fn a_copy_goes_on_with_its_own_lines() {
+fn a_copy_continues_with_its_own_lines() {
     let mut bench = bench(&format!("eventually = {ANSWER}\nafter = {ASK}"));
     bench.at(1_000, "a", NO);
     let mut rig = bench.rig.fork().expect("plain");
