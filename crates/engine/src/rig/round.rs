@@ -569,8 +569,8 @@ mod tests {
         }
     }
 
-    /// At 5 us a device gets the order to send a byte at 20 us. Until then the line does not ask for
-    /// it, also if another run begins before.
+    /// At 5 us a device gets the order to send a byte at 20 us. Until then the line does not ask
+    /// for it, also if another run begins before.
     #[test]
     fn bytes_that_are_planned_leave_at_their_time() {
         let (mut rig, port) = board(LinkKind::Uart, 1, Probe::default());
