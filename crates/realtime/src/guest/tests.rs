@@ -79,6 +79,9 @@ pub(super) struct Stopped {
     pub(super) pid: Pid,
 }
 
+/// Numbers of `nanosleep` and `clock_nanosleep`.
+const SLEEPS: [u64; 2] = [35, 230];
+
 impl Stopped {
     pub(super) fn new() -> Self {
         Self::of(Command::new("sleep").arg("1000"))
@@ -101,9 +104,17 @@ impl Stopped {
         let pid = Pid::from_raw(child.id().cast_signed());
         // In contrast to `attach`, no signal of this is left.
         ptrace::seize(pid, Options::empty()).expect("it is a child");
-        ptrace::interrupt(pid).expect("it is traced");
-        wait(Some(pid), WaitOptions::empty()).expect("it stops");
-        Self { child, pid }
+        let stopped = Self { child, pid };
+        loop {
+            ptrace::interrupt(pid).expect("it is traced");
+            wait(Some(pid), WaitOptions::empty()).expect("it stops");
+            // Before its sleep it still loads its libraries.
+            if SLEEPS.contains(&stopped.registers().orig_rax) {
+                return stopped;
+            }
+            ptrace::cont(pid, None).expect("it stands");
+            std::thread::yield_now();
+        }
     }
 
     pub(super) fn registers(&self) -> user_regs_struct {
