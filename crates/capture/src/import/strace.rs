@@ -154,10 +154,18 @@ fn call(text: &str) -> Option<Call> {
 }
 
 /// The path that -y prints behind a descriptor: `</dev/ttyUSB0>`, with -yy
-/// `</dev/ttyUSB0<char 188:0>>`.
+/// `</dev/ttyUSB0<char 188:0>>`, with -xx each character as `\x2f`.
 fn shown_path(text: &str) -> Option<String> {
     let (path, _) = text.strip_prefix('<')?.split_once('>')?;
-    Some(path.split('<').next()?.to_owned())
+    let path = path.split('<').next()?;
+    let (mut bytes, mut chars) = (Vec::new(), path.chars());
+    while let Some(c) = chars.next() {
+        match c {
+            '\\' => bytes.push(escape(&mut chars)?),
+            c => bytes.extend_from_slice(c.encode_utf8(&mut [0; 4]).as_bytes()),
+        }
+    }
+    Some(String::from_utf8_lossy(&bytes).into_owned())
 }
 
 /// `12:11:23.000501`, `12:11:23`, or seconds.
@@ -372,13 +380,20 @@ fn chosen(
     let mut labels: Vec<String> = all.iter().map(|&file| files[file].label()).collect();
     labels.sort_unstable();
     labels.dedup();
+    let more = match labels.len().saturating_sub(LISTED) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    labels.truncate(LISTED);
     let named = labels.join(", ");
     Err(ImportError::of_file(format!(
-        "the file descriptor of the port is not clear: {named}; --channel FD selects \
+        "the file descriptor of the port is not clear: {named}{more}; --channel FD selects \
          one, or trace with strace -y, which prints the paths"
     )))
 }
 
+/// Maximum number of files that an error names.
+const LISTED: usize = 8;
 /// Maximum number of files that a note names.
 const NAMED: usize = 3;
 
@@ -601,6 +616,24 @@ mod tests {
         );
         let paths = "write(3</dev/ttyS1>, \"\\xab\", 1) = 1\nread(4</tmp/a>, \"\\x24\", 1) = 1\n";
         assert_eq!(told(paths), Ok(vec![(0, true, vec![0xAB])]));
+        // With -xx, "/dev/ttyS1" and "/tmp/a" are in hexadecimal digits.
+        let hexadecimal = paths
+            .replace("/dev/ttyS1", "\\x2f\\x64\\x65\\x76\\x2f\\x74\\x74\\x79\\x53\\x31")
+            .replace("/tmp/a", "\\x2f\\x74\\x6d\\x70\\x2f\\x61");
+        assert_eq!(told(&hexadecimal), Ok(vec![(0, true, vec![0xAB])]));
+    }
+
+    /// Eight of ten descriptors are named.
+    #[test]
+    fn a_long_list_of_descriptors_is_cut() {
+        let text: String = (10..20)
+            .map(|fd| format!("read({fd}, \"a\", 1) = 1\n"))
+            .collect();
+        let which = told(&text).expect_err("ten");
+        assert!(
+            which.contains("clear: 10, 11, 12, 13, 14, 15, 16, 17 and 2 more; --channel"),
+            "{which}"
+        );
     }
 
     /// Only standard streams transfer bytes: one of them may be the port. A channel that names no

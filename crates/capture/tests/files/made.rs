@@ -229,7 +229,7 @@ fn a_trace_of_strace_is_read() {
         "-r -x -f",
     ] {
         let line = format!(
-            "strace -e trace=read,write,openat {options} -s 9999 -o log python3 p.py >/dev/null 2>&1 || true; cat log"
+            "strace -e trace=read,write,openat {options} -s 200 -o log python3 -ISE p.py >/dev/null 2>&1 || true; cat log"
         );
         let log = shell(&folder, &line);
         if log.is_empty() {
