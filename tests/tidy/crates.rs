@@ -207,3 +207,69 @@ fn the_crate_outside_is_built_as_the_workspace_is() {
         assert_eq!(told[setting], main["profile"]["dev"][setting], "{setting}");
     }
 }
+
+/// The first lines of code blocks in the docs of `text` that rustdoc compiles: those without a
+/// language, or with an attribute of rustdoc.
+fn compiled_examples(text: &str) -> usize {
+    let comments = text.lines().map(str::trim_start).filter_map(|line| {
+        let rest = line
+            .strip_prefix("//!")
+            .or_else(|| line.strip_prefix("///"))?;
+        rest.trim_start().strip_prefix("```")
+    });
+    let attributes = [
+        "",
+        "no_run",
+        "should_panic",
+        "compile_fail",
+        "ignore",
+        "rust",
+    ];
+    let starts = comments.step_by(2).map(|words| words.split(',').next());
+    starts
+        .filter(|word| word.is_some_and(|word| attributes.contains(&word.trim())))
+        .count()
+}
+
+#[test]
+fn examples_in_docs_are_told_from_pictures() {
+    let text = "//! ```text\n//! a - b\n//! ```\n    /// ```no_run\n    /// x\n    /// ```\n";
+    assert_eq!(compiled_examples(text), 1);
+    assert_eq!(compiled_examples(&text.replace("no_run", "toml")), 0);
+    assert_eq!(compiled_examples(&text.replace("text", "rust,no_run")), 2);
+}
+
+/// Rustdoc reads a whole crate to find its examples. Crates without one switch this off, and a new
+/// example in such a crate has to switch it on.
+#[test]
+fn crates_with_examples_in_their_docs_compile_them() {
+    let metadata = metadata();
+    let ours = list(&metadata, "packages")
+        .iter()
+        .filter(|package| package["source"].is_null());
+    let mut compiled = 0;
+    for package in ours {
+        let Some(library) = list(package, "targets")
+            .iter()
+            .find(|target| target["kind"][0] == "lib")
+        else {
+            continue;
+        };
+        let path = std::path::Path::new(text(library, "src_path"));
+        let folder = path.parent().expect("a folder").strip_prefix(root());
+        let folder = folder.expect("in the repository").display().to_string();
+        let examples: usize = crate::files::all(&[".rs"])
+            .iter()
+            .filter(|file| file.path.starts_with(&format!("{folder}/")))
+            .map(|file| compiled_examples(&file.text))
+            .sum();
+        let name = text(package, "name");
+        assert_eq!(
+            library["doctest"],
+            examples > 0,
+            "{name}: {examples} examples"
+        );
+        compiled += examples;
+    }
+    assert!(compiled > 0, "no crate has an example");
+}
