@@ -127,4 +127,56 @@ mod tests {
             "line 2: begins before the line above ends"
         );
     }
+
+    /// The texts of lines that back-to-back chunks of these lengths, each 10 us a byte, share.
+    fn chunks_of_each_line(lengths: &[usize]) -> Vec<usize> {
+        let mut end = 0;
+        let chunk = |len: &usize| {
+            end += 10 * *len as u64;
+            arrival(end, &vec![7; *len])
+        };
+        let arrivals: Vec<Arrival> = lengths.iter().map(chunk).collect();
+        let text = write(&arrivals, BUS);
+        let counts = text.lines().map(|line| line.split(' ').count() - 1);
+        counts.collect()
+    }
+
+    /// At most 16 chunks share a line, and only chunks of 64 bytes or less join the one before.
+    #[test]
+    fn a_line_has_few_and_short_chunks() {
+        assert_eq!(chunks_of_each_line(&[1; 16]), [16]);
+        assert_eq!(chunks_of_each_line(&[1; 17]), [16, 1]);
+        assert_eq!(chunks_of_each_line(&[1; 33]), [16, 16, 1]);
+        assert_eq!(chunks_of_each_line(&[1, 64, 1]), [3]);
+        assert_eq!(chunks_of_each_line(&[1, 65, 1]), [1, 2]);
+        assert_eq!(chunks_of_each_line(&[]), [0; 0]);
+    }
+
+    /// An arrival without bytes has a line of its own, whatever its time.
+    #[test]
+    fn an_empty_arrival_shares_no_line() {
+        let arrivals = [arrival(40, &[1]), arrival(40, &[]), arrival(50, &[2])];
+        let text = write(&arrivals, BUS);
+        assert_eq!(text, "40000 01\n40000 !\n50000 02\n");
+        assert_eq!(read(&text, BUS).as_deref(), Ok(&arrivals[..]));
+    }
+
+    /// Two lines may have the same time: a program may send two arrivals at once. Blank lines are
+    /// skipped, and count.
+    #[test]
+    fn lines_may_have_the_same_time() {
+        let both = [arrival(90, &[0xAB]), arrival(90, &[0xCD])];
+        assert_eq!(
+            read("90000 AB\n\n90000 CD\n", BUS).as_deref(),
+            Ok(&both[..])
+        );
+        let late = read("90000 AB\n\n89999 CD\n", BUS);
+        assert_eq!(
+            late,
+            Err("line 3: begins before the line above ends".to_owned())
+        );
+        // Of two chunks in a line, the first one is complete 20 us before the second one.
+        let two = [arrival(70, &[1]), arrival(90, &[2, 3])];
+        assert_eq!(read("90000 01 0203", BUS).as_deref(), Ok(&two[..]));
+    }
 }

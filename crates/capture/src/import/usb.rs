@@ -632,4 +632,146 @@ mod tests {
         assert_eq!(of(&[0x03, 0x60, 7]), 9);
         assert_eq!(of(&[0x01, 0x62, 7]), 9);
     }
+
+    /// A command of a disk has 31 bytes that begin with USBC.
+    #[test]
+    fn other_bytes_than_a_disk_command_are_bytes_of_a_line() {
+        for data in [
+            [&b"USBC"[..], &[0; 26]].concat(),
+            [&b"USBC"[..], &[0; 28]].concat(),
+            [&b"USBX"[..], &[0; 27]].concat(),
+        ] {
+            let file = file(LINUX_MMAPPED.into(), &[packet(SUBMIT, 3, 2, None, &data)]);
+            assert_eq!(told(&file).0[0].2, data);
+        }
+    }
+
+    /// Two empty replies prove no FTDI chip, three do.
+    #[test]
+    fn few_empty_replies_are_bytes() {
+        let bytes = |empty: usize| {
+            let mut packets = vec![packet(COMPLETE, 3, 0x81, None, &[1, 0x60]); empty];
+            packets.push(packet(COMPLETE, 3, 0x81, None, &[1, 0x60, 7]));
+            let found = told(&file(LINUX_MMAPPED.into(), &packets)).0;
+            found.into_iter().map(|one| one.2.len()).sum::<usize>()
+        };
+        assert_eq!([2, 3].map(bytes), [7, 1]);
+    }
+
+    /// The packets of an FTDI chip have 64 bytes, or 512 if only then each of them begins with a
+    /// status. The first two bytes of each are left out.
+    #[test]
+    fn the_packets_of_an_unknown_ftdi_chip_have_the_size_that_fits() {
+        let urb = |data: &'static [u8], is_in| Urb {
+            nanos: 0,
+            address: (1, 7),
+            endpoint: 1,
+            transfer: Transfer::Bulk,
+            is_in,
+            is_complete: is_in,
+            setup: None,
+            data,
+        };
+        let ftdi = Device {
+            vendor: Some(0x0403),
+            ..Device::default()
+        };
+        const FITS_512: &[u8] = &{
+            let mut data = [0xFF; 100];
+            (data[0], data[1]) = (1, 0x60);
+            data
+        };
+        const FITS_64: &[u8] = &{
+            let mut data = [0xFF; 100];
+            (data[0], data[1], data[64], data[65]) = (1, 0x60, 1, 0x60);
+            data
+        };
+        let size = |data, device| status_packet(&[&urb(data, true)], device);
+        assert_eq!(size(FITS_64, ftdi), Some(64));
+        assert_eq!(size(FITS_512, ftdi), Some(512));
+        assert_eq!(size(&[0xFF; 100], ftdi), Some(64));
+        let fast = Device {
+            packet: Some(512),
+            ..ftdi
+        };
+        assert_eq!(
+            (size(FITS_64, fast), size(&[0xFF; 9], fast)),
+            (Some(512), Some(512))
+        );
+        let other = Device {
+            vendor: Some(0x10C4),
+            ..Device::default()
+        };
+        assert_eq!(
+            (size(FITS_64, other), size(FITS_64, Device::default())),
+            (None, None)
+        );
+        // Bytes to the chip have no status.
+        let sent = urb(&[0xFF; 9], false);
+        let both = [&urb(FITS_64, true), &sent];
+        assert_eq!(status_packet(&both, ftdi), Some(64));
+    }
+
+    /// The header of USBPcap has 27 bytes or more; bit 0 of byte 16 tells the completion, bit 7 of
+    /// the endpoint its direction.
+    #[test]
+    fn each_field_of_usbpcap_has_its_place() {
+        let of = |len: usize, info: u8, endpoint: u8| {
+            let mut bytes = vec![0; len];
+            bytes[0] = u8::try_from(len).expect("short");
+            (bytes[16], bytes[17], bytes[19], bytes[20], bytes[21]) = (info, 2, 5, 1, endpoint);
+            bytes[22..].iter_mut().take(1).for_each(|byte| *byte = 3);
+            let packet = Packet {
+                link_type: USBPCAP,
+                order: Order::Little,
+                interface: 0,
+                nanos: 9,
+                is_outbound: None,
+                bytes,
+                cut: 0,
+            };
+            let urb = usbpcap(&packet)?;
+            Some((urb.address, urb.endpoint, urb.is_in, urb.is_complete))
+        };
+        assert_eq!(of(26, 1, 0x81), None);
+        assert_eq!(of(27, 1, 0x81), Some(((2, 0x0105), 1, true, true)));
+        assert_eq!(of(27, 2, 0x02), Some(((2, 0x0105), 2, false, false)));
+        assert_eq!(of(27, 3, 0x7F), Some(((2, 0x0105), 0x7F, false, true)));
+    }
+
+    /// usbmon's header: the type of the event, the setup packet behind a submission with flag 0.
+    #[test]
+    fn each_field_of_usbmon_has_its_place() {
+        let of = |event: u8, transfer: u8, endpoint: u8, flag: u8| {
+            let mut bytes = packet(event, transfer, endpoint, None, b"abc");
+            bytes[14] = flag;
+            bytes[36] = 2;
+            let packet = Packet {
+                link_type: LINUX_MMAPPED,
+                order: Order::Little,
+                interface: 0,
+                nanos: 9,
+                is_outbound: None,
+                bytes,
+                cut: 0,
+            };
+            let urb = urb(&packet)?;
+            let kind = (urb.transfer, urb.is_in, urb.endpoint);
+            Some((kind, urb.is_complete, urb.setup.is_some(), urb.data.len()))
+        };
+        let (control, bulk, other) = (Transfer::Control, Transfer::Bulk, Transfer::Other);
+        assert_eq!(
+            of(b'S', 2, 0x80, 0),
+            Some(((control, true, 0), false, true, 2))
+        );
+        assert_eq!(
+            of(b'S', 3, 0x7F, b'-'),
+            Some(((bulk, false, 0x7F), false, false, 2))
+        );
+        assert_eq!(
+            of(b'C', 1, 0x83, 0),
+            Some(((other, true, 3), true, false, 2))
+        );
+        assert_eq!(of(b'E', 3, 0x81, 0), None);
+    }
 }

@@ -345,3 +345,108 @@ fn simple_and_old_packets_are_read() {
         found.notes
     );
 }
+
+/// The second interface of the second section; bits 0 and 1 of the flags are the direction, other
+/// bits mean other things.
+#[test]
+fn interfaces_of_a_section_are_numbered() {
+    let mut file = blocks_file(147, &option(2, b"first"), &[(b"\x01", Some(1))]);
+    file.extend(blocks_file(148, &option(2, b"second"), &[]));
+    pcapng::write_block(&mut file, pcapng::INTERFACE, |out| {
+        out.extend(149_u16.to_le_bytes());
+        out.extend([0; 6]);
+        out.extend(option(2, b"third"));
+    });
+    for (interface, flags, byte) in [(1_u32, 0x06_u8, 7), (0, 0x09, 8), (1, 0x0B, 9)] {
+        pcapng::write_block(&mut file, pcapng::PACKET, |out| {
+            let words = [interface, 0, 2_000_000, 1, 1];
+            out.extend(words.iter().flat_map(|word| word.to_le_bytes()));
+            out.extend([byte, 0, 0, 0]);
+            out.extend(option(2, &[flags, 0, 0, 0]));
+        });
+    }
+    let found = read_format(&file, Format::Pcap, &Options::default()).expect("sound");
+    let records = found.records().iter().map(|one| {
+        let name = &*found.links()[one.link].name;
+        (name, one.direction, one.bytes[0])
+    });
+    let (to, from) = (Direction::ToDevice, Direction::ToMaster);
+    assert_eq!(
+        records.collect::<Vec<_>>(),
+        [
+            ("first", from, 1),
+            ("third", to, 7),
+            ("second", from, 8),
+            // 3 is no direction: such packets are taken as received.
+            ("third", from, 9),
+        ]
+    );
+}
+
+/// RTAC serial has twelve bytes before those of the line, with the event in byte 8 and the control
+/// lines in byte 9. A shorter packet, and data without a byte, are left out.
+#[test]
+fn a_packet_of_rtac_serial_has_a_head() {
+    let packet = |event: u8, lines: u8, bytes: &[u8]| {
+        let head = [
+            0xA1, 0xA2, 0xA3, 0xA4, 0xA5, 0xA6, 0xA7, 0xA8, event, lines, 0xAB, 0xAC,
+        ];
+        [&head[..], bytes].concat()
+    };
+    let packets = [
+        packet(1, 0, b"out"),
+        packet(2, 0, b"in"),
+        packet(0, 0x10, b""),
+        packet(0, 0x0F, b""),
+        packet(4, 0, b""),
+        packet(3, 0, b"x")[..11].to_vec(),
+        packet(7, 0, b""),
+    ];
+    let slices: Vec<&[u8]> = packets.iter().map(|packet| &packet[..]).collect();
+    let file = classic_file(250, 0xA1B2_C3D4, 0, false, &slices);
+    for from in [Options::default().direction, Direction::ToDevice] {
+        let options = Options {
+            direction: from,
+            ..Options::default()
+        };
+        let found = read_format(&file, Format::Pcap, &options).expect("sound");
+        let (to, from) = (Direction::ToDevice, Direction::ToMaster);
+        let mut records = found.records().iter();
+        let records: Vec<_> = records
+            .by_ref()
+            .map(|one| {
+                (
+                    one.at.as_millis() / 1_000,
+                    one.direction,
+                    one.kind,
+                    &one.bytes[..],
+                )
+            })
+            .take(2)
+            .collect();
+        let expected = [
+            (1, to, Kind::Data, &b"out"[..]),
+            (2, from, Kind::Data, b"in"),
+        ];
+        assert_eq!(records, expected);
+        let kinds: Vec<Kind> = found.records()[2..].iter().map(|one| one.kind).collect();
+        let events = [
+            LineEvent::Opened,
+            LineEvent::Closed,
+            LineEvent::FramingError,
+        ];
+        assert_eq!(kinds, events.map(Kind::Line));
+    }
+}
+
+/// A packet has 16 MiB at most.
+#[test]
+fn a_packet_has_a_limit() {
+    let count = |len: usize| {
+        let file = classic_file(147, 0xA1B2_C3D4, 0, false, &[&READ, &vec![7; len]]);
+        let head = classic(&file).expect("a classic file");
+        let found = read_classic(&file, head);
+        (found.packets.len(), found.notes.len())
+    };
+    assert_eq!((count(PACKET_MAX), count(PACKET_MAX + 1)), ((2, 0), (1, 1)));
+}
