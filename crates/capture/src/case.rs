@@ -619,4 +619,70 @@ mod tests {
         let error = run(&named).expect_err("no robot");
         assert!(error.contains("expected a [scenario]"), "{error}");
     }
+
+    /// A case of the rescue robot: its program hears one byte of the lidar and sends to the base
+    /// each 100 ms for a second; the base receives `to_base`. The capture ends at `end_ms`.
+    fn captured(end_ms: u64, to_base: &[u8]) -> Expectation {
+        let text = "schema = 1\nname = \"t\"\nrobot = \"rescue\"\nduration = \"9s\"\n\
+                    [mission]\nwaypoints_m = [[0.8, 1.9]]\n\
+                    [world]\nstart = { x_m = 0.8, y_m = 1.4, heading_deg = 90 }\n\
+                    [[world.wall]]\npath_m = [[0.0, 0.0], [3.0, 0.0]]\n";
+        let (scenario, source) = Scenario::from_text(text).expect("sound");
+        let arrival = |at, bytes: &[u8]| Arrival {
+            at: Instant::from_millis(at),
+            bytes: bytes.to_vec(),
+        };
+        let base = Passage {
+            link: "base".to_owned(),
+            baud: 1_000_000,
+            sent: track((1..=10).map(|turn| turn * 100)),
+            heard: match to_base {
+                [] => Vec::new(),
+                bytes => vec![arrival(100, bytes)],
+            },
+            ..Passage::default()
+        };
+        let lidar = Passage {
+            link: "lidar".to_owned(),
+            baud: 115_200,
+            arrivals: vec![arrival(100, &[0xFA])],
+            ..Passage::default()
+        };
+        let recorded = Recorded {
+            links: vec![base, lidar],
+            end: Instant::from_millis(end_ms),
+            zero: Instant::ZERO,
+        };
+        let case = Case::of("x", &recorded, &scenario, &source).expect("a case");
+        assert_eq!((case.link.len(), case.end_ns), (2, end_ms * 1_000_000));
+        case.expect
+    }
+
+    /// Without a violation, a silence or a failed check, the program must send the same bytes. It
+    /// must talk on the link on which it talked.
+    #[test]
+    fn a_case_expects_what_was_captured() {
+        let sound = captured(1_500, &[]);
+        assert_eq!(
+            (sound.same_outputs, &sound.talks[..]),
+            (true, &["base".to_owned()][..])
+        );
+        assert!(sound.never.is_empty(), "{:?}", sound.never);
+        assert!(!sound.checks.contains(&"no-collision-at-speed".to_owned()));
+        // The program has sent nothing for 1.1 s.
+        let silent = captured(2_100, &[]);
+        assert_eq!(
+            (silent.same_outputs, silent.talks),
+            (false, vec!["base".to_owned()])
+        );
+        // Two bytes that begin a frame of the bus, and a pause behind them.
+        let violated = captured(1_500, &[0xAB, 0x24]);
+        assert!(!violated.same_outputs);
+        let is_of_base = |rule: &String| rule.starts_with("base ");
+        assert!(
+            violated.never.iter().any(is_of_base),
+            "{:?}",
+            violated.never
+        );
+    }
 }

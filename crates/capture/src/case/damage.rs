@@ -604,4 +604,78 @@ mod tests {
         assert_eq!(names("x 1, 2 y (3)"), of(&[("x", 1), ("x##", 2), ("y", 3)]));
         assert_eq!(names("7"), of(&[("", 7)]));
     }
+
+    /// Three numbers or more, each 1 to 16 greater than the one before it. After 255, and the
+    /// largest numbers of 16 and 32 bits, 0 follows; 256 is no number of eight bits.
+    #[test]
+    fn a_number_counts_in_small_steps() {
+        let counts = |numbers: &[u64]| {
+            let words: Vec<String> = numbers.iter().map(|n| format!("tag {n}, x 5")).collect();
+            let words: Vec<&str> = words.iter().map(String::as_str).collect();
+            let found = counting(&requests(&words));
+            let names: Vec<&str> = found.iter().map(String::as_str).collect();
+            assert!(matches!(names[..], [] | ["tag"]), "{names:?}");
+            !found.is_empty()
+        };
+        assert!(counts(&[1, 2, 3]) && !counts(&[1, 2]));
+        assert!(counts(&[1, 17, 18]) && !counts(&[1, 18, 19]));
+        assert!(!counts(&[1, 2, 2]) && !counts(&[3, 2, 1]));
+        assert!(counts(&[254, 255, 0]) && !counts(&[254, 255, 256, 1]));
+        assert!(counts(&[65_535, 0, 1]) && counts(&[u64::from(u32::MAX), 0, 1]));
+        assert!(!counts(&[65_536, 0, 1]) && counts(&[1 << 32, (1 << 32) + 1, (1 << 32) + 9]));
+    }
+
+    /// A program that is silent in one of both runs does not ignore the damage; silence in both of
+    /// them shows nothing.
+    #[test]
+    fn a_silent_program_is_not_observed() {
+        let judged = |got: &[u64], expected: &[u64]| {
+            let [got, expected] = [got, expected].map(|millis| {
+                [Played {
+                    link: "base".to_owned(),
+                    expected: Track::default(),
+                    got: track(millis),
+                    talk: None,
+                }]
+            });
+            let late = Duration::from_millis(250);
+            let checks = Case::judge_damage(&got, &expected, &BTreeMap::new(), late);
+            (checks[0].name.clone(), checks[0].status)
+        };
+        let name = "ignores-damage-base".to_owned();
+        assert_eq!(judged(&[], &[]), (name, Status::NotObserved));
+        assert_ne!(judged(&[500], &[]).1, Status::NotObserved);
+        assert_ne!(judged(&[], &[500]).1, Status::NotObserved);
+    }
+
+    /// The scenario has a GPS receiver, but the bytes of the link are reads of registers: they show
+    /// another protocol, whose one damaged frame counts.
+    #[test]
+    fn a_protocol_without_a_frame_is_not_that_of_the_link() {
+        let frames = [36, 60, 36].map(|register| {
+            let frame = Frame::read(register, 10, ChecksumOrder::LowFirst);
+            frame.as_bytes().to_vec()
+        });
+        let arrivals = (1..).zip(frames).map(|(at, mut bytes)| {
+            bytes[4] ^= u8::from(at == 2);
+            let at = Instant::from_millis(at);
+            Arrival { at, bytes }
+        });
+        let recorded = Recorded {
+            links: vec![Passage {
+                link: "meter".to_owned(),
+                arrivals: arrivals.collect(),
+                ..Passage::default()
+            }],
+            end: END,
+            zero: Instant::ZERO,
+        };
+        let text = "schema = 1\nname = \"s\"\nrobot = \"none\"\nduration = \"1s\"\n\
+                    device.meter = { description = \"gps\" }\n";
+        let (scenario, source) = Scenario::from_text(text).expect("sound");
+        let case = Case::of_outsider("x", &recorded, Some(&scenario));
+        let (sound, left_out) = case.without_damage(&recorded, &source);
+        assert_eq!(left_out["meter"].count, 1);
+        assert_eq!(sound.links[0].arrivals.len(), 2);
+    }
 }

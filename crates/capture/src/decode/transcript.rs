@@ -792,4 +792,57 @@ mod tests {
             (2, 3)
         );
     }
+
+    /// A known protocol counts for its own link and direction: then a single frame is believed.
+    #[test]
+    fn a_known_protocol_is_that_of_its_direction() {
+        use protocols::avr::{ChecksumOrder, Frame};
+        let frame = Frame::read(36, 10, ChecksumOrder::LowFirst);
+        let bytes = [frame.as_bytes(), &[2; 59]].concat();
+        let frames = |link: &str, direction| {
+            let known = Known {
+                link: link.to_owned(),
+                direction,
+                codec: Some(&codec::BUS),
+                names: None,
+            };
+            let mut transcript = Transcript::new(None).knowing(vec![known]);
+            transcript.record(&record(5, &bytes, ""), &Interface::new("x", 1_000_000));
+            let all: Vec<_> = transcript.finish().collect();
+            all.iter()
+                .filter(|one| matches!(one.said, Said::Frame(_)))
+                .count()
+        };
+        assert_eq!(frames("x", Direction::ToMaster), 1);
+        assert_eq!(frames("x", Direction::ToDevice), 0);
+        assert_eq!(frames("y", Direction::ToMaster), 0);
+    }
+
+    /// Commands of a model car: 94 64 is motor 10 and steering 50, and a pause of more than 5 ms
+    /// divides two bytes. At 10,000 baud a byte takes a millisecond of the time before it. Bytes
+    /// were reported before these.
+    #[test]
+    fn a_pause_among_the_first_bytes_divides_frames() {
+        let frames = |second: u64| {
+            let known = Known {
+                link: "x".to_owned(),
+                direction: Direction::ToMaster,
+                codec: Some(&codec::CAR_COMMAND),
+                names: None,
+            };
+            let mut transcript = Transcript::new(None).knowing(vec![known]);
+            let link = Interface::new("x", 10_000);
+            transcript.record(&record(1, b"", ""), &link);
+            transcript.lanes[0].told = 100;
+            transcript.record(&record(10, &[0x94], ""), &link);
+            transcript.record(&record(second, &[0x64, 0x94], ""), &link);
+            transcript.record(&record(second + 1, &[0x64], ""), &link);
+            let all: Vec<_> = transcript.finish().collect();
+            let frames = all.iter().filter(|one| matches!(one.said, Said::Frame(_)));
+            let places: Vec<u64> = frames.map(|one| one.place).collect();
+            places
+        };
+        assert_eq!(frames(17), [100, 102]);
+        assert_eq!(frames(18), [102]);
+    }
 }

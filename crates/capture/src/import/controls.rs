@@ -92,4 +92,22 @@ mod tests {
         }
         assert_eq!(Notation::Escapes.bytes("a\\q\\n"), None);
     }
+
+    /// The names of ASCII: DEL is 0x7F. A name ends at its bracket.
+    #[test]
+    fn characters_have_the_names_of_ascii() {
+        for (text, byte, len) in [
+            ("NUL>", 0x00, 4),
+            ("ESC>x", 0x1B, 4),
+            ("US>", 0x1F, 3),
+            ("DEL>>", 0x7F, 4),
+        ] {
+            assert_eq!(name(text), Some((byte, len)), "{text}");
+        }
+        assert_eq!((name("DEL"), name("del>"), name("b>")), (None, None, None));
+        assert_eq!(
+            Notation::Names.bytes("a<DEL>b<US><x").as_deref(),
+            Some(&b"a\x7Fb\x1F<x"[..])
+        );
+    }
 }

@@ -212,6 +212,14 @@ mod tests {
             .collect();
         // The start bit begins at 200 us; the byte ends ten bits later.
         assert_eq!(found, [(300, vec![0xFF])]);
+        // The file has one channel without a name, so none is chosen.
+        let named = Options {
+            channels: vec!["RX".to_owned()],
+            ..options.clone()
+        };
+        let mut out = Imported::new();
+        read(&file(1), &named, &mut out).expect("sound");
+        assert_eq!(out.records().len(), 1);
         let error = read(&file(2), &options, &mut Imported::new()).expect_err("unknown");
         assert!(
             error.message.contains("has version 0 and type 2"),

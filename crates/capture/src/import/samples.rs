@@ -398,4 +398,21 @@ mod tests {
         let (found, _) = of(&[(0, "3.3"), (100, "0.0"), (110, "x"), (500, "3.3")]);
         assert_eq!(found, Err("expected a voltage in each column".to_owned()));
     }
+
+    /// Semicolons between the columns tell that the comma is the decimal mark.
+    #[test]
+    fn a_decimal_comma_is_noted() {
+        let text = "Time [s],RX\n0.0,1\n0.0001,0\n0.00011,1\n0.0005,1\n";
+        let notes = |text: &str| {
+            let options = Options {
+                baud: Some(100_000),
+                ..Options::default()
+            };
+            let mut out = Imported::new();
+            read(text.as_bytes(), &options, &mut out).expect("sound");
+            out.notes.contains(&DECIMAL_COMMA.to_owned())
+        };
+        let with_commas = text.replace(',', ";").replace('.', ",");
+        assert_eq!((notes(text), notes(&with_commas)), (false, true));
+    }
 }

@@ -199,4 +199,37 @@ mod tests {
         let still = [("logic-1", vec![3; 100])];
         assert!(error(METADATA, &still).contains("no channel changes its level: RX, TX"));
     }
+
+    /// A session has its version and its metadata.
+    #[test]
+    fn a_session_has_two_files_beside_its_samples() {
+        let is = |names: &[&str]| {
+            let files: Vec<(&str, &[u8])> = names.iter().map(|name| (*name, &b"2"[..])).collect();
+            is_session(&stored(&files))
+        };
+        assert!(is(&["version", "metadata"]) && !is(&["version"]) && !is(&["metadata"]));
+        assert!(!is_session(b"no archive"));
+    }
+
+    /// A sample of `unitsize` bytes has eight probes for each byte, from 1 on. Its size is 1 to 64.
+    #[test]
+    fn a_unit_has_eight_probes_a_byte() {
+        let bits = |unit: usize| {
+            let text = format!(
+                "capturefile=logic-1\nsamplerate=1 MHz\nunitsize={unit}\nprobe0=a\nprobe1=b\n\
+                 probe8=c\nprobe9=d\nprobe16=e\nprobe17=f\nprobeX=g\n"
+            );
+            let found = metadata(&text, &Options::default()).map_err(|error| error.message);
+            found.map(|found| {
+                found
+                    .probes
+                    .into_iter()
+                    .map(|(bit, _)| bit)
+                    .collect::<Vec<_>>()
+            })
+        };
+        assert_eq!((bits(1), bits(2)), (Ok(vec![0, 7]), Ok(vec![0, 7, 8, 15])));
+        assert_eq!(bits(64), Ok(vec![0, 7, 8, 15, 16]));
+        assert!(bits(0).is_err() && bits(65).is_err());
+    }
 }

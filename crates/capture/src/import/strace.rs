@@ -670,4 +670,40 @@ mod tests {
         let error = told(cut).expect_err("cut");
         assert!(error.contains("-s 99999"), "{error}");
     }
+
+    /// Without openings and paths, the file that is both read and written is the port.
+    #[test]
+    fn a_file_that_is_read_and_written_is_the_port() {
+        let both = "write(3, \"\\x01\", 1) = 1\nread(3, \"\\x02\", 1) = 1\n";
+        let other = "read(5, \"x\", 1) = 1\n";
+        assert_eq!(taken(&format!("{both}{other}"), None).0, [1, 2]);
+        assert_eq!(taken(&format!("{other}{both}"), None).0, [1, 2]);
+        // A file with positions is none.
+        let seekable = "pread64(7, \"ab\", 2, 0) = 2\npwrite64(7, \"ab\", 2, 0) = 2\n";
+        assert_eq!(taken(&format!("{seekable}{both}"), None).0, [1, 2]);
+        assert!(told(&format!("{seekable}{other}write(6, \"y\", 1) = 1\n")).is_err());
+    }
+
+    /// The name of a call has small letters, digits and lines.
+    #[test]
+    fn a_call_has_a_name() {
+        let name = |text: &str| call(text).map(|call| call.name);
+        for (text, expected) in [
+            ("dup2(3, 7) = 7", "dup2"),
+            ("rt_sigaction(SIGINT) = 0", "rt_sigaction"),
+            ("12 1.5 close(3) = 0", "close"),
+            ("<... read resumed>\"x\", 1) = 1", "read"),
+        ] {
+            assert_eq!(name(text).as_deref(), Some(expected), "{text}");
+        }
+        for text in [
+            "(3) = 1",
+            "Read(3) = 1",
+            "a b(3) = 1",
+            "read 3",
+            "<... read",
+        ] {
+            assert_eq!(name(text), None, "{text}");
+        }
+    }
 }

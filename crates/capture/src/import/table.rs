@@ -540,4 +540,12 @@ mod tests {
         assert!(!length("0.1,TX,2,AB24\n0.2,RX,8,0A0B\n0.3,RX,8,0A0B\n"));
         assert!(!length("0.1,TX,2,AB24\n0.2,RX,1,0A0B\n"));
     }
+
+    /// A table has at least one row with bytes.
+    #[test]
+    fn a_table_without_bytes_is_none() {
+        let is = |rows: &str| look(format!("Time;Direction;Data\n{rows}").as_bytes()).is_some();
+        assert!(!is("") && !is("0.1;TX;\n") && !is("0.1;TX;word\n"));
+        assert!(is("0.1;TX;\n0.2;TX;AB 24\n") && is("0.1;TX;word\n0.2;TX;AB 24\n"));
+    }
 }

@@ -225,4 +225,94 @@ mod tests {
             .collect();
         assert_eq!(bytes, b"OK\r\n\r\n$GP\r\n");
     }
+
+    /// Each line has a time and printable characters or tabs behind it.
+    #[test]
+    fn text_is_printable() {
+        for (text, expected) in [
+            ("[0.5] A\n", true),
+            ("[0.5] A\tB~ \n\n[0.6] C\n", true),
+            ("[0.5] A\n[0.6] \u{e9}\n", false),
+            ("[0.5] A\x7F\n", false),
+            ("[0.5] A\x1F\n", false),
+            ("[0.5] A\nB\n", false),
+            ("", false),
+            ("\n \n", false),
+        ] {
+            assert_eq!(is_text(text.as_bytes()), expected, "{text:?}");
+        }
+    }
+
+    /// The lines that PuTTY and `script` write themselves.
+    #[test]
+    fn lines_of_a_terminal_are_known() {
+        let head = "=~=~=~=~=~=~= PuTTY log 2026.11.27 12:11:23 =~=~=~=~=";
+        let texts = [
+            head,
+            "Event Log: x",
+            "Script started on x",
+            "=~=~=~=",
+            "PuTTY log",
+        ];
+        let found = texts.map(is_of_putty);
+        assert_eq!(found, [true, true, false, false, false]);
+        let found = texts.map(|text| session(text.as_bytes()));
+        assert_eq!(found, [true, false, true, false, false]);
+        assert!(is_end(b"Script done on x") && !is_end(b"Script started on x"));
+        let raw = [
+            "Incoming raw data at x",
+            "Outgoing raw data at x",
+            "raw data",
+        ];
+        assert_eq!(raw.map(|text| is_raw(text.as_bytes())), [true, true, false]);
+    }
+
+    /// A session keeps its line ends and the bytes of its last line.
+    #[test]
+    fn a_session_of_script_loses_its_first_and_last_line() {
+        let bytes = |text: &str| -> Vec<u8> {
+            let all = told(text).expect("sound").into_iter();
+            all.flat_map(|one| one.2).collect()
+        };
+        let text = "Script started on x\nOK\r\n\n$GP\nScript done on x\n";
+        assert_eq!(bytes(text), b"OK\r\n\n$GP\n");
+        assert_eq!(bytes("Script started on x\nOK\n$GP"), b"OK\n$GP");
+        let raw = told("Script started on x\nIncoming raw data at x\n");
+        assert!(raw.expect_err("a dump").contains("--format hexdump"));
+    }
+
+    /// A line begins with its time, in brackets too, or with a date of words.
+    #[test]
+    fn a_time_begins_its_line() {
+        let is = |text: &str| {
+            let line = lines(text.as_bytes()).next().expect("one");
+            stamped(line, Dates::default()).is_some()
+        };
+        for text in [
+            "12:11:23.5 x",
+            "[0.5] x",
+            "(0.5) x",
+            "Nov 27 12:11:23 x",
+            "[Nov 27 12:11:23] x",
+        ] {
+            assert!(is(text), "{text}");
+        }
+        for text in ["x 12:11:23.5", "+0.5 x", "word"] {
+            assert!(!is(text), "{text}");
+        }
+    }
+
+    /// Arrows in all lines are those of the terminal; beside other directions they are directions.
+    #[test]
+    fn arrows_are_directions_beside_others() {
+        let ways = |text: &str| -> Vec<bool> {
+            told(text)
+                .expect("sound")
+                .into_iter()
+                .map(|one| one.1)
+                .collect()
+        };
+        assert_eq!(ways("12:11:23.4 -> A\n12:11:23.5 -> B\n"), [false, false]);
+        assert_eq!(ways("12:11:23.4 -> A\n12:11:23.5 RX: B\n"), [true, false]);
+    }
 }

@@ -134,4 +134,48 @@ mod tests {
         let gzip = of(&[0x1F, 0x8B, 8, 0, 0, 0, 0, 0, 0, 3, 1]).expect_err("cut");
         assert!(gzip.contains("damaged"), "{gzip}");
     }
+
+    /// A capture of Logic 2 has its description and its samples, a session of DSView its header and
+    /// its decoders; one of the two files alone is any file.
+    #[test]
+    fn archives_of_other_tools_are_known_by_two_files() {
+        let dump = &b"AB 24 0A 00 D9\n"[..];
+        let with = |names: &[&'static str]| {
+            let mut files: Vec<(&str, &[u8])> =
+                names.iter().map(|name| (*name, &b"x"[..])).collect();
+            files.push(("dump.hex", dump));
+            of(&zipped(&files))
+        };
+        for names in [
+            &["meta.json"][..],
+            &["digital-0.bin"],
+            &["header"],
+            &["decoders"],
+            &["header", "meta.json"],
+            &["folder/"],
+        ] {
+            assert_eq!(with(names), Ok(dump.to_vec()), "{names:?}");
+        }
+        let error = |names: &[&'static str]| with(names).expect_err("another tool");
+        assert!(error(&["meta.json", "digital-0.bin"]).contains("Logic 2"));
+        assert!(error(&["header", "decoders"]).contains("DSView"));
+    }
+
+    /// Three archives inside each other are unpacked, and of many files eight are named.
+    #[test]
+    fn archives_have_limits() {
+        let dump = b"AB 24 0A 00 D9\n".to_vec();
+        let in_archives =
+            |depth: usize| (0..depth).fold(dump.clone(), |inner, _| zipped(&[("in", &inner)]));
+        assert_eq!(of(&in_archives(3)), Ok(dump.clone()));
+        assert_eq!(of(&in_archives(4)), Ok(in_archives(1)));
+        let names: Vec<String> = (0..9).map(|n| format!("{n}.txt")).collect();
+        let files: Vec<(&str, &[u8])> = names.iter().map(|name| (&**name, &b"hello"[..])).collect();
+        let error = of(&zipped(&files)).expect_err("no dump");
+        let eight = "it holds: 0.txt, 1.txt, 2.txt, 3.txt, 4.txt, 5.txt, 6.txt, 7.txt";
+        assert!(error.ends_with(eight), "{error}");
+        let mut notes = Vec::new();
+        drop(unpack(&in_archives(2), &mut notes).expect("a dump"));
+        assert_eq!(notes, ["read in of the archive"; 2]);
+    }
 }

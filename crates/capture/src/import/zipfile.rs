@@ -196,4 +196,44 @@ mod tests {
         far.packed = usize::MAX;
         assert!(far.content(&file).is_err());
     }
+
+    /// A comment of up to 65,535 bytes may follow the directory's end.
+    #[test]
+    fn an_archive_may_have_a_comment() {
+        let file = stored(&[("a", b"one")]);
+        let with = |len: usize| {
+            let found = entries(&[&file[..], &vec![b'x'; len]].concat());
+            found.map(|entries| entries.len()).ok()
+        };
+        assert_eq!(
+            (with(0), with(65_535), with(65_536)),
+            (Some(1), Some(1), None)
+        );
+    }
+
+    /// Names, extra fields and comments of the directory have lengths of their own.
+    #[test]
+    fn an_entry_has_three_lengths() {
+        // A header of 46 bytes with a name of 2, an extra field of 3 and a comment of 4 bytes.
+        let mut header = vec![0; 46];
+        header[..4].copy_from_slice(b"PK\x01\x02");
+        (header[8], header[10], header[16], header[20]) = (1, 8, 7, 9);
+        (header[28], header[30], header[32], header[42]) = (2, 3, 4, 5);
+        let bytes = [&b"zz"[..], &header, b"ab", &[0; 7]].concat();
+        let (entry, next) = entry(&bytes, 2).expect("whole");
+        assert_eq!((&*entry.name, next), ("ab", 2 + 46 + 9));
+        assert_eq!((entry.flags, entry.method, entry.crc), (1, 8, 7));
+        assert_eq!((entry.packed, entry.header), (9, 5));
+        assert!(super::entry(&bytes, 1).is_none() && super::entry(&bytes[..49], 2).is_none());
+        let other = Entry {
+            flags: 2,
+            method: 9,
+            header: 0,
+            packed: 3,
+            ..entry
+        };
+        let file = stored(&[("a", b"one")]);
+        let error = other.content(&file).expect_err("unknown");
+        assert!(error.contains("unsupported compression"), "{error}");
+    }
 }

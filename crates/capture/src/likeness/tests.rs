@@ -533,3 +533,14 @@ fn the_rate_of_a_device_that_sends_by_itself_is_judged() {
     let stream: [Asked<'_>; 1] = [(10_000, b"?", Some((12_000, &long)))];
     assert_eq!(limit(&talk(&stream, &[])), Limit::Share(0.1));
 }
+
+/// Bursts at 10, 30 and 60 ms. A request that ends with the beginning of the second one is not
+/// between the first two.
+#[test]
+fn a_request_at_the_start_of_a_burst_is_behind_the_burst_before() {
+    let bursts: [At<'_>; 3] = [(10_000, b"a"), (30_000, b"b"), (60_000, b"c")];
+    let periods = |end: u64| talk(&[(end, b"?", None)], &bursts).periods_ms();
+    assert_eq!((periods(30_000), periods(29_999)), (vec![20.0], vec![30.0]));
+    assert_eq!(periods(5_000), [20.0, 30.0]);
+    assert_eq!(periods(60_000), [20.0, 30.0]);
+}

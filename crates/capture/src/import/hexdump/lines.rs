@@ -357,4 +357,14 @@ mod tests {
         let text = |count: usize| "words\n".repeat(count) + "0000 0a\n";
         assert!(begins_with_rows(text(59).as_bytes()) && !begins_with_rows(text(60).as_bytes()));
     }
+
+    /// Words alone are no dump; words behind its rows may be damage.
+    #[test]
+    fn words_need_rows() {
+        let of = |text: &str| rows(text.as_bytes(), &mut Vec::new()).map(|rows| rows.len());
+        assert!(of("words\n").is_err() && of("words\nmore\n0000 0a\n").is_err());
+        assert_eq!(of("0000 0a\nwords\n").ok(), Some(2));
+        assert_eq!(of("words\n0000 0a\nwords\n").ok(), Some(3));
+        assert!(of("words\n*\n0000 0a\n").is_err());
+    }
 }

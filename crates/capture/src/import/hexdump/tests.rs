@@ -473,3 +473,32 @@ fn repeated_rows_fill_whole_rows() {
     assert!(filled(2, 5, &[1, 2]).is_err() && filled(6, 2, &[1, 2]).is_err());
     assert!(filled(0, 4, &[]).is_err());
 }
+
+/// A missing row between rows of a memory at a high address costs its sixteen bytes.
+#[test]
+fn a_missing_row_at_a_high_address_is_counted() {
+    let row = |index: usize| {
+        let at = 0x3FFB_4280_usize + 16 * index;
+        let cells: String = (0..16)
+            .map(|n| format!(" {:02x}", 16 * index + n))
+            .collect();
+        format!("{at:08x}: {cells}\n")
+    };
+    let text: String = (0..8).filter(|index| *index != 3).map(row).collect();
+    let expected: Vec<u8> = (0..48).chain(64..128).collect();
+    assert_eq!(bytes(&text), Ok(expected));
+    let rows = rows(text.as_bytes(), &mut Vec::new()).expect("rows");
+    let losses = chunks(&rows).expect("few losses").losses;
+    assert_eq!((losses.rows, losses.bytes), (1, 16));
+}
+
+/// A full last row does not tell whether its offset is octal or hex.
+#[test]
+fn a_full_last_row_does_not_tell_the_offsets() {
+    let row = "24ab 000a abd9 2024 6261 0100 0302 0504";
+    let error = bytes(&format!("0000000 {row}\n*\n0000040 {row}\n")).expect_err("either");
+    assert!(
+        error.contains("may be octal (od) or hex (hexdump)"),
+        "{error}"
+    );
+}

@@ -191,4 +191,26 @@ mod tests {
             "{note}"
         );
     }
+
+    /// The words need a number before them, behind a blank, a plus sign or a bracket.
+    #[test]
+    fn words_without_a_number_are_no_count() {
+        for (text, body) in [
+            ("01 03 + 4 more", "01 03"),
+            ("01 03 +4 more bytes", "01 03"),
+            ("01 03 (4 more bytes)", "01 03"),
+            ("01 03 [12 more]", "01 03"),
+        ] {
+            assert_eq!(without(text), Some(body), "{text}");
+        }
+        for text in [
+            "01 03 + more bytes",
+            "01 0x more",
+            "01 03 x4 more",
+            "01 03 4 more than",
+            "4 more",
+        ] {
+            assert_eq!(without_count(text), None, "{text}");
+        }
+    }
 }

@@ -421,4 +421,13 @@ mod tests {
         assert_eq!(without_comments("f */ 0A", &mut is_open), " 0A");
         assert!(!is_open);
     }
+
+    /// Hex digits in quotes are digits, unless the file has literals: then they are characters.
+    #[test]
+    fn digits_in_quotes_are_characters_beside_literals() {
+        assert_eq!(found("b'AB'", Base::Hex).0, [0xAB]);
+        assert_eq!(found("b'AB'", Base::Text).0, b"AB");
+        assert_eq!(found("b\"4142\"", Base::Text).0, b"4142");
+        assert_eq!(found("AB", Base::Text).0, [0xAB]);
+    }
 }

@@ -450,3 +450,20 @@ fn a_packet_has_a_limit() {
     };
     assert_eq!((count(PACKET_MAX), count(PACKET_MAX + 1)), ((2, 0), (1, 1)));
 }
+
+/// A packet of a private link type has the direction of the host; `--from` reverses it. RTAC serial
+/// names both ends itself.
+#[test]
+fn the_direction_of_a_private_link_type_may_be_reversed() {
+    let file = blocks_file(147, &[], &[(&READ, Some(2)), (b"\x01", Some(1))]);
+    let (to, from) = (Direction::ToDevice, Direction::ToMaster);
+    for (direction, expected) in [(from, [to, from]), (to, [from, to])] {
+        let options = Options {
+            direction,
+            ..Options::default()
+        };
+        let found = read_format(&file, Format::Pcap, &options).expect("sound");
+        let found = found.records().iter().map(|one| one.direction);
+        assert_eq!(found.collect::<Vec<_>>(), expected);
+    }
+}

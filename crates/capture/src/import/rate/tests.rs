@@ -329,8 +329,9 @@ fn a_line_has_single_bits_and_longer_pulses() {
     assert!(fits(&[(1, SEVEN_EDGES)]) && fits(&[(1, FIVE_EDGES)]));
     assert!(fits(&[(29, ONE_LONG), (1, ONE_SHORT)]));
     assert!(!fits(&[(30, ONE_LONG), (1, ONE_SHORT)]));
-    // 1.4 bits are a single bit, 1.6 bits none.
+    // 1.4 bits are a single bit, 1.5 and 1.6 bits none.
     assert!(fits(&[(29, ONE_LONG), (1, &[14])]));
+    assert!(!fits(&[(29, ONE_LONG), (1, &[15])]));
     assert!(!fits(&[(29, ONE_LONG), (1, &[16])]));
 }
 

@@ -414,4 +414,27 @@ mod tests {
         }
         assert!(!is_port("/dev/null") && !is_port("/tmp/COM3"));
     }
+
+    /// Only calls that return a descriptor open a file; those of files have a path.
+    #[test]
+    fn other_calls_open_nothing() {
+        for line in [
+            "getpid() = 7",
+            "lseek(3, 0, SEEK_SET) = 0",
+            "poll([{fd=3}], 1, 5) = 1",
+        ] {
+            assert!(followed(line).all().is_empty(), "{line}");
+        }
+        for (line, path) in [
+            ("open(\"/tmp/a\", O_RDONLY) = 7", Some("/tmp/a")),
+            ("openat(AT_FDCWD, \"/tmp/b\", O_RDONLY) = 7", Some("/tmp/b")),
+            ("creat(\"/tmp/c\", 0644) = 7", Some("/tmp/c")),
+            ("memfd_create(\"d\", 0) = 7", None),
+            ("accept4(4, NULL, NULL, 0) = 7", None),
+        ] {
+            let files = followed(line);
+            let all: Vec<_> = files.all().iter().map(|one| (one.fd, one.path())).collect();
+            assert_eq!(all, [(7, path)], "{line}");
+        }
+    }
 }

@@ -563,4 +563,19 @@ mod tests {
             (None, None, None)
         );
     }
+
+    /// Four fifths of the bytes in frames of a protocol are its frames. The golden read of a
+    /// register has five bytes.
+    #[test]
+    fn frames_have_a_protocol() {
+        let frames = [0xAB, 0x24, 0x0A, 0x00, 0xD9].repeat(8);
+        let name = |noise: usize| {
+            let bytes = [&frames[..], &vec![0x80; noise]].concat();
+            Cut::of(&bytes).codec().map(Codec::name)
+        };
+        let bus = codec::guess(&frames).map(Codec::name);
+        assert!(bus.is_some());
+        assert_eq!((name(0), name(10), name(11)), (bus, bus, None));
+        assert!(Cut::Gaps.codec().is_none() && Cut::Lines(b'\n').codec().is_none());
+    }
 }

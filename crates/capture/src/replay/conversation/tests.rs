@@ -473,3 +473,22 @@ fn a_conversation_is_complete_when_all_was_sent() {
     assert!(talk.is_done() && !talk.has_more());
     assert_eq!((talk.said(), talk.link()), (5, "meter"));
 }
+
+/// A silent program is waited for up to its patience: 10 s and four times 1.02 s.
+#[test]
+fn a_conversation_is_over_after_its_patience() {
+    let mut talk = talk(&meter());
+    talk.open(ms(0));
+    let is_over = |talk: &Conversation, at| are_over([talk], at, ms(70));
+    let patience = ms(10_000 + 4 * 1_020);
+    assert!(!is_over(&talk, patience));
+    assert!(is_over(&talk, patience + Duration::from_nanos(1)));
+    assert!(
+        !are_over([&talk], ms(20_000), ms(20_001)),
+        "the session lasts"
+    );
+    // Of two conversations, both have to be over.
+    let mut late = talk.clone();
+    late.receive(ms(14_000), VOLTS);
+    assert!(!are_over([&talk, &late], ms(15_000), ms(70)));
+}

@@ -216,4 +216,22 @@ mod tests {
             (b"ab".to_vec(), b"a".to_vec())
         );
     }
+
+    /// NMEA 0183: the checksum of "GPGGA,1" is 0x4B, that of "GPVTG,1" 0x4F, by exclusive or. Each
+    /// message of a description has its name, and bytes that are no message have none.
+    #[test]
+    fn a_described_message_is_of_the_kind_of_its_name() {
+        let text = "name = \"nmea\"\nabout = \"sentences\"\nline = { baud = 9600 }\n\
+                    frame = { start = \"$\", end = \"\\r\\n\", checksum = \"nmea\" }\n\
+                    message = [{ name = \"gga\", from = \"device\", text = \"GPGGA,1\" },\n\
+                    { name = \"vtg\", from = \"device\", text = \"GPVTG,1\" }]\n\
+                    every = [{ period = \"1s\", send = [\"gga\", \"vtg\"] }]\n";
+        let none = |_: &str| Err("no file".to_owned());
+        let description = ::description::Description::parse("nmea.toml", text, &none);
+        let codec = engine::scenario::device::description::codec_of(&description.expect("sound"));
+        let kind = |bytes: &[u8]| kind(Cut::Frames(codec), &message(0, bytes));
+        assert_eq!(kind(b"$GPGGA,1*4B\r\n"), b"gga");
+        assert_eq!(kind(b"$GPVTG,1*4F\r\n"), b"vtg");
+        assert_eq!(kind(b"$GPGGA,1*4C\r\n"), b"");
+    }
 }

@@ -198,4 +198,15 @@ mod tests {
         assert_eq!(of("word 01 02 03 word 04"), Some(vec![1, 2, 3]));
         assert_eq!(of("data 01 02 03 word: 04"), Some(vec![4]));
     }
+
+    /// The end of the line may have blanks, brackets and marks behind the bytes.
+    #[test]
+    fn a_run_ends_a_line_in_brackets() {
+        let of = |text: &str| best(text).map(|run| run.bytes);
+        for tail in ["]", " ]", "})>\"", "  |.", " \t"] {
+            let text = format!("word 01 02 03 word 0x04{tail}");
+            assert_eq!(of(&text), Some(vec![4]), "{text}");
+        }
+        assert_eq!(of("word 01 02 03 word 0x04 x"), Some(vec![1, 2, 3]));
+    }
 }

@@ -331,3 +331,19 @@ fn a_tail_is_an_aside_or_the_text_of_the_bytes() {
     assert!(is_tail(" words", &run(3, false)) && !is_tail(" words", &run(2, false)));
     assert!(is_tail(" words", &run(1, true)) && !is_tail(" 0 x", &run(3, false)));
 }
+
+/// A log has two bytes or more, with a letter among their digits, marks, or both directions. Of
+/// eight messages, one line may have no bytes. Each message has a direction or a time.
+#[test]
+fn a_log_is_no_text_with_some_digits() {
+    let is = |text: &str| look(text.as_bytes()).is_some();
+    assert!(is("rx: AB 20 30\n") && !is("rx: AB\n"));
+    assert!(!is("rx: 10 20 30\nrx: 40 50 60\n") && is("rx: 10 20 30\ntx: 40 50 60\n"));
+    assert!(is("rx: 10 20 30 40 50 60 70 AB\n") && !is("rx: 10 20 30 40 50 60 70 80 AB\n"));
+    assert!(!is("rx: AB 20 30\nword: AB CD EF\n"));
+    let both = |messages: usize, other: usize| {
+        let text = "rx: 10 20 30\ntx: 40 50 60\n".repeat(messages / 2);
+        is(&(text + &"words alone\n".repeat(other)))
+    };
+    assert!(both(8, 1) && !both(6, 1) && both(16, 2) && !both(14, 2));
+}
