@@ -305,4 +305,18 @@ mod tests {
         let found = ["/dev/ttyUSB0", "COM3", "/dev/"].map(link_of_path);
         assert_eq!(found, ["ttyUSB0", "COM3", ""]);
     }
+
+    /// A single channel, and several of one device, are the link of the options.
+    #[test]
+    fn one_device_is_one_link() {
+        assert_eq!(of(&["TX gps"]), [role("line", true)]);
+        let one = ["RX gps", "TX gps", "rx gps"].map(str::to_owned);
+        let told = one.map(|name| of_name(&name, &Options::default()));
+        let first = told[0].as_ref().expect("a direction");
+        let found = of_told(first, &told, &Options::default());
+        assert_eq!(
+            (&*found.link, found.direction),
+            ("line", Direction::ToMaster)
+        );
+    }
 }

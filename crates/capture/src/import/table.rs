@@ -548,4 +548,16 @@ mod tests {
         assert!(!is("") && !is("0.1;TX;\n") && !is("0.1;TX;word\n"));
         assert!(is("0.1;TX;\n0.2;TX;AB 24\n") && is("0.1;TX;word\n0.2;TX;AB 24\n"));
     }
+
+    /// The columns tell that the digits are hex: no note has to.
+    #[test]
+    fn digits_of_a_table_need_no_note() {
+        let text = "Time;Direction;Data\n0.1;TX;10 20\n0.2;RX;30 40\n";
+        let found = read_format(text.as_bytes(), Format::Table, &Options::default());
+        let notes = found.expect("sound").notes;
+        assert!(
+            notes.iter().all(|note| !note.contains("taken as hex")),
+            "{notes:?}"
+        );
+    }
 }

@@ -257,3 +257,19 @@ fn an_import_is_written_as_a_capture() {
     );
     assert_eq!(&capture.records[0].bytes[..], [0xAB, 0x24]);
 }
+
+/// Only socat writes its heads; pairs of digits could also come from a device.
+#[test]
+fn a_format_is_certain_if_only_its_tool_writes_it() {
+    let of = |text: &str| {
+        let opened = open(text.as_bytes(), Path::new("a.txt")).expect("no other kind");
+        (opened.format, opened.is_certain)
+    };
+    let block = "> 2026/11/21 07:58:48.000761120  length=3 from=0 to=2\n fa a0 0a\n";
+    assert_eq!(of(block), (Some(Format::Socat), true));
+    assert_eq!(of("10 20 30\n"), (Some(Format::Hex), false));
+    assert_eq!(of("nothing of the kind\n"), (None, false));
+    // A line that is cut inside a byte takes nothing from the certainty.
+    let cut = "[12:00:00.5] TX: AB 24\n[12:00:00.6] RX: AB 24\n[12:00:00.7] TX: AB 24 0A 1\n";
+    assert_eq!(of(cut), (Some(Format::Hex), true));
+}

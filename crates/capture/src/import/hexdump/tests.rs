@@ -502,3 +502,23 @@ fn a_full_last_row_does_not_tell_the_offsets() {
         "{error}"
     );
 }
+
+/// A row whose offset cannot be read is damage: the rows around it stay one message. Words before
+/// offset 0 begin another message, also in a file with such a row.
+#[test]
+fn damage_begins_no_message() {
+    let row = |at: usize| format!("{at:08x}: 41 42 43 44 45 46 47 48 49 4a 4b 4c 4d 4e 4f 50\n");
+    let dump: String = (0..8).map(|index| row(16 * index)).collect();
+    let messages = |text: &str| {
+        let rows = rows(text.as_bytes(), &mut Vec::new()).expect("rows");
+        let fit = chunks(&rows).expect("a dump");
+        fit.chunks
+            .iter()
+            .map(|chunk| chunk.bytes.len())
+            .collect::<Vec<_>>()
+    };
+    let damaged = dump.replacen("00000030", "?0000030", 1);
+    assert_eq!(messages(&damaged), [112]);
+    let two = format!("first\n{damaged}second\n{dump}");
+    assert_eq!(messages(&two), [112, 128]);
+}

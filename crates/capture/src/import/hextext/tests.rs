@@ -584,3 +584,10 @@ fn assumed_digits_are_noted() {
     assert!(has("253 044 012 000 331\n", "taken as octal"));
     assert!(has("AB 4 0 D\n", "without leading zeros"));
 }
+
+/// Numbers that may be decimal or hex are no text of hex.
+#[test]
+fn numbers_of_an_unknown_base_have_no_format() {
+    assert_eq!(look(b"10 20\n30 3 40\n"), None);
+    assert_eq!(look(b"10 20\n30 40\n"), Some(Look::Perhaps));
+}

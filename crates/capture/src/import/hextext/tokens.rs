@@ -430,4 +430,13 @@ mod tests {
         assert_eq!(found("b\"4142\"", Base::Text).0, b"4142");
         assert_eq!(found("AB", Base::Text).0, [0xAB]);
     }
+
+    /// A literal of characters that are no hex digits is one in any file.
+    #[test]
+    fn a_literal_has_other_characters_than_digits() {
+        assert_eq!(found("b'hey'", Base::Hex).0, b"hey");
+        assert_eq!(found("b\"AT+1\"", Base::Hex).0, b"AT+1");
+        assert!(is_literal("b'hey'") && !is_literal("b'AB'") && !is_literal("'hey'"));
+        assert!(is_quoted("b'AB'") && !is_quoted("b'AB") && !is_quoted("AB'"));
+    }
 }

@@ -467,3 +467,16 @@ fn the_direction_of_a_private_link_type_may_be_reversed() {
         assert_eq!(found.collect::<Vec<_>>(), expected);
     }
 }
+
+/// The block of an interface has eight bytes or more. One that is shorter is counted, and is none.
+#[test]
+fn a_short_interface_is_counted() {
+    let mut file = Vec::new();
+    pcapng::write_block(&mut file, pcapng::SECTION, pcapng::write_section_head);
+    pcapng::write_block(&mut file, pcapng::INTERFACE, |out| out.extend([0; 4]));
+    let whole = blocks_file(147, &[], &[(&READ, Some(1))]);
+    file.extend(whole);
+    let (found, notes) = told(&file).expect("sound");
+    assert_eq!(found.len(), 1);
+    assert_eq!(notes, ["1 blocks of the file are invalid and are skipped"]);
+}
