@@ -622,4 +622,86 @@ mod tests {
         assert_eq!(run.rig.now().as_millis(), 25);
         assert_eq!(run.finish().ran, Duration::from_millis(25));
     }
+
+    /// A robot without a program that says whether its search has ended.
+    struct Searcher {
+        is_done: Option<bool>,
+    }
+
+    impl Instruments for Searcher {
+        fn is_done(&self, _: &Rig) -> Option<bool> {
+            self.is_done
+        }
+    }
+
+    /// Milliseconds after which the run of a robot at rest is over, within its 300 ms; a rest is
+    /// over after 50 ms.
+    fn over_at(is_done: Option<bool>, expect: &str, mission: &str) -> u64 {
+        let text = format!("[expect]\nsettle = \"50ms\"\n{expect}[mission]\n{mission}");
+        let (mut scenario, _) = scenario(&text);
+        scenario.duration = crate::scenario::Span::from_millis(300);
+        let robot = Box::new(Searcher { is_done });
+        let mut run = Run::with_rig(scenario, check::safety::tests::rig(), robot);
+        while !run.is_over() {
+            run.step();
+        }
+        run.rig.now().as_millis()
+    }
+
+    /// A search ends when the robot says so and has rested since the first look, if it has to come
+    /// home. A waypoint at its start ends the mission as well. The run ends at the look at 60 ms,
+    /// or at 300 ms.
+    #[test]
+    fn a_run_is_over_when_its_task_is_done() {
+        let home = "home_within_mm = 100\n";
+        assert_eq!(over_at(Some(true), home, ""), 60);
+        assert_eq!(over_at(Some(false), home, ""), 300);
+        assert_eq!(over_at(None, home, ""), 300);
+        assert_eq!(over_at(Some(true), "", ""), 300);
+        assert_eq!(over_at(Some(true), home, "to_the_end = true\n"), 300);
+        let here = "waypoints_m = [[0.0, 0.0]]\n";
+        assert_eq!(over_at(None, "", here), 60);
+        assert_eq!(over_at(None, "", "waypoints_m = [[5.0, 0.0]]\n"), 300);
+        // A map that the robot cannot send is not waited for.
+        assert_eq!(over_at(None, "map_received = true\n", here), 60);
+        assert_eq!(over_at(None, "map_received = false\n", here), 60);
+        // A step that waits for an event.
+        let waits = "step = [{ when = { visited = 2 }, do = { mode = \"stop\" } }]\n";
+        let two = "waypoints_m = [[0.0, 0.0], [5.0, 0.0]]\n";
+        assert_eq!(over_at(Some(true), home, &format!("{two}{waits}")), 300);
+    }
+
+    /// The last order is given 5 s to arrive.
+    #[test]
+    fn a_robot_at_home_may_get_another_order() {
+        let (mut scenario, _) = scenario("[expect]\nhome_within_mm = 9\nsettle = \"1ms\"\n");
+        let step = |at_ms: u64| {
+            let text = format!("step = [{{ at = \"{at_ms}ms\", do = {{ mode = \"stop\" }} }}]");
+            let mission: crate::scenario::Mission = toml::from_str(&text).expect("a step");
+            mission.step
+        };
+        scenario.mission.step = step(100);
+        scenario.mission.step.extend(step(40));
+        let robot = Box::new(Searcher {
+            is_done: Some(true),
+        });
+        let mut run = Run::with_rig(scenario.clone(), check::safety::tests::rig(), robot);
+        run.scenario.mission.step = scenario.mission.step;
+        run.progress.observe(Instant::ZERO, Pose::default(), false);
+        let nanos = Duration::from_nanos(1);
+        let home = Instant::from_millis(5_100);
+        assert!(run.has_come_home(home) && run.has_come_home(home + nanos));
+        assert!(!run.has_come_home(Instant::from_millis(5_099)));
+    }
+
+    /// A run in pieces looks each 10 ms, also at the end of a piece.
+    #[test]
+    fn a_run_may_be_advanced_in_pieces() {
+        let mut run = run("");
+        for (until, looks) in [(25, 2), (29, 2), (30, 3), (31, 3), (60, 6)] {
+            run.run_until(Instant::from_millis(until));
+            assert_eq!((run.rig.now().as_millis(), run.looks), (until, looks));
+        }
+        assert!(!run.is_over());
+    }
 }

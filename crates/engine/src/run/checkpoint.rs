@@ -290,3 +290,229 @@ fn has_numbered_dice(fault: &FaultSpec) -> bool {
     let kind = matches!(fault.kind, FaultKind::Jitter | FaultKind::Clog);
     fault.stream.is_none() && (fault.rate.is_some() || kind)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::Source;
+
+    /// A sonar that sends a line each 50 ms for 3 s, with further tables.
+    fn sonar(more: &str) -> (Scenario, Source) {
+        let text = format!(
+            "schema = 1\nname = \"sonar\"\nrobot = \"none\"\nduration = \"3s\"\n\
+             device.sonar.text.baud = 9600\ndevice.sonar.text.command = []\n\
+             device.sonar.text.periodic = {{ line = \"mm=700\", period = \"50ms\" }}\n{more}"
+        );
+        Scenario::from_text(&text).expect("sound")
+    }
+
+    fn run(more: &str) -> Run {
+        let (scenario, source) = sonar(more);
+        Run::new(scenario, &source, None).expect("can be wired")
+    }
+
+    /// The run of these tables after a second.
+    fn after_a_second(more: &str) -> Checkpoint {
+        let mut run = run(more);
+        run.go_on_until(Instant::from_secs(1));
+        run.checkpoint().expect("plain state")
+    }
+
+    /// Whether a run of the tables `from` continues as one of `to` after a second. Then it ends as
+    /// a run of `to` from the start.
+    fn continues(from: &str, to: &str) -> bool {
+        let resumed = after_a_second(from).resume_as(&sonar(to).0);
+        let Some(resumed) = resumed else {
+            return false;
+        };
+        let (end, whole) = (resumed.finish(), run(to).finish());
+        assert_eq!(end.trace_hash, whole.trace_hash, "{from} to {to}");
+        let lines = |checks: &[super::super::check::Check]| -> Vec<String> {
+            checks.iter().map(ToString::to_string).collect()
+        };
+        assert_eq!(lines(&end.checks), lines(&whole.checks), "{from} to {to}");
+        assert_eq!(end.case.fault, whole.case.fault, "{from} to {to}");
+        true
+    }
+
+    fn fault(keys: &str) -> String {
+        format!("[[fault]]\nlink = \"sonar\"\ndirection = \"to-master\"\n{keys}\n")
+    }
+
+    /// The line is cut between these milliseconds.
+    fn cut(from: u64, until: u64) -> String {
+        fault(&format!(
+            "kind = \"cut\"\nfrom = \"{from}ms\"\nuntil = \"{until}ms\""
+        ))
+    }
+
+    #[test]
+    fn a_copy_ends_as_its_run() {
+        let checkpoint = after_a_second(&cut(500, 2_500));
+        assert_eq!(checkpoint.at(), Instant::from_secs(1));
+        assert!(format!("{checkpoint:?}").starts_with("Checkpoint("));
+        let hash = |run: Run| run.finish().trace_hash;
+        let whole = hash(run(&cut(500, 2_500)));
+        assert_eq!(
+            [hash(checkpoint.resume()), hash(checkpoint.resume())],
+            [&*whole, &*whole]
+        );
+        assert_ne!(hash(run("")), whole);
+    }
+
+    /// At 1 s: a fault that has not begun may be removed, or have other times after 1 s.
+    #[test]
+    fn a_fault_to_come_may_change() {
+        let later = cut(2_000, 2_500);
+        assert!(continues(&later, &later) && continues(&later, ""));
+        assert!(continues(&later, &cut(2_100, 2_500)) && continues(&later, &cut(1_001, 1_500)));
+        assert!(continues(&later, &cut(2_000, 2_100)));
+        assert!(!continues(&later, &cut(1_000, 2_500)) && !continues(&later, &cut(500, 2_500)));
+        let stall = later.replace("cut", "stall");
+        assert!(continues(&later, &stall));
+    }
+
+    /// A fault that has begun keeps its begin, and may end at another time after 1 s, if it has not
+    /// ended yet.
+    #[test]
+    fn a_fault_that_has_begun_may_only_end_at_another_time() {
+        let begun = cut(500, 1_500);
+        assert!(continues(&begun, &begun) && continues(&begun, &cut(500, 1_200)));
+        assert!(continues(&begun, &cut(500, 2_900)) && continues(&begun, &cut(500, 1_001)));
+        for other in [
+            cut(500, 1_000),
+            cut(500, 900),
+            cut(501, 1_500),
+            cut(1_200, 1_500),
+        ] {
+            assert!(!continues(&begun, &other), "{other}");
+        }
+        assert!(!continues(&begun, ""));
+        for ended in [cut(500, 1_000), cut(500, 900)] {
+            assert!(continues(&ended, &ended));
+            assert!(!continues(&ended, &cut(500, 1_500)) && !continues(&ended, ""));
+        }
+        let now = cut(1_000, 1_500);
+        assert!(!continues(&now, "") && continues(&now, &cut(1_000, 1_200)));
+    }
+
+    /// An added fault has not acted before, and draws no random numbers.
+    #[test]
+    fn a_fault_may_be_added() {
+        let first = cut(2_000, 2_100);
+        for (added, expected) in [
+            (cut(1_001, 1_500), true),
+            (cut(1_000, 1_500), false),
+            (cut(500, 1_500), false),
+            (
+                fault("kind = \"cut\"\nat_byte = 100\nlasting = \"50ms\""),
+                false,
+            ),
+            (fault("kind = \"flip\"\nrate = 0.1\nfrom = \"2s\""), false),
+            (
+                fault(
+                    "kind = \"cut\"\nbegins_when = { bytes = { link = \"sonar\", \
+                     direction = \"to-master\", count = 900 } }",
+                ),
+                false,
+            ),
+        ] {
+            let both = format!("{first}{added}");
+            assert_eq!(continues(&first, &both), expected, "{added}");
+            assert_eq!(continues("", &added), expected, "{added}");
+        }
+        // Two faults that stay, behind one that is removed, and one that is added.
+        let [a, b, c, d] = [1_300, 1_600, 1_900, 2_200].map(|from| cut(from, from + 100));
+        let (all, other) = (format!("{a}{b}{c}"), format!("{b}{c}{d}"));
+        assert!(continues(&all, &other) && continues(&all, &format!("{a}{c}")));
+        assert!(continues(&all, &c) && continues(&other, &b));
+    }
+
+    /// A damaged byte has not come yet, or it has passed.
+    #[test]
+    fn a_byte_to_come_may_be_damaged_otherwise() {
+        let cut = &sonar(&cut(1, 2)).0.fault[0];
+        let sent = after_a_second("")
+            .0
+            .line_of(cut)
+            .expect("a line")
+            .traffic()
+            .sent;
+        assert!(sent > 100, "{sent}");
+        let flip = |byte: u64| fault(&format!("kind = \"flip\"\nbyte = {byte}\nbit = 1"));
+        assert!(continues("", &flip(sent)) && !continues("", &flip(sent - 1)));
+        assert!(continues(&flip(sent), "") && !continues(&flip(sent - 1), ""));
+        assert!(continues(&flip(sent), &flip(sent + 3)));
+        assert!(continues(&flip(5), &flip(5)) && !continues(&flip(5), &flip(sent)));
+        let safe = "[expect.safety]\noverruns_max = 3\n";
+        assert!(!continues(safe, &format!("{safe}{}", flip(sent))));
+        assert!(continues(
+            safe,
+            &format!("{safe}{}", self::cut(2_000, 2_100))
+        ));
+    }
+
+    /// The number of a fault selects its random numbers, unless it names them.
+    #[test]
+    fn a_fault_with_random_numbers_keeps_its_number() {
+        let first = cut(2_000, 2_100);
+        let jitter = "kind = \"jitter\"\nby = \"1ms\"";
+        for keys in [jitter, "kind = \"flip\"\nrate = 0.1"] {
+            let random = fault(keys);
+            assert!(!continues(&format!("{first}{random}"), &random), "{keys}");
+            assert!(continues(&format!("{random}{first}"), &random), "{keys}");
+        }
+        let named = fault(&format!("{jitter}\nstream = \"dice\""));
+        assert!(continues(&format!("{first}{named}"), &named));
+    }
+
+    /// Only the length, the expectations and the descriptions of a scenario may differ otherwise.
+    #[test]
+    fn only_the_future_of_a_run_may_differ() {
+        let checkpoint = after_a_second("");
+        let resumes = |change: &dyn Fn(&mut Scenario)| {
+            let mut scenario = sonar("").0;
+            change(&mut scenario);
+            checkpoint.resume_as(&scenario).is_some()
+        };
+        let span = crate::scenario::Span::from_millis;
+        assert!(resumes(&|_| {}) && resumes(&|it| it.description = "other".to_owned()));
+        assert!(resumes(&|it| it.duration = span(1_001)));
+        assert!(!resumes(&|it| it.duration = span(1_000)));
+        assert!(resumes(&|it| it.duration = span(9_000)));
+        assert!(resumes(&|it| it.expect.violations_max = Some(3)));
+        assert!(!resumes(&|it| it.expect.settle = Some(span(3_000))));
+        let later = |it: &mut Scenario| it.expect.violations_from = Some(span(2_000));
+        assert!(!resumes(&later));
+        assert!(!resumes(&|it| it.seed += 1));
+        assert!(!resumes(&|it| it.name = "other".to_owned()));
+        assert!(!resumes(&|it| it.mission.to_the_end = true));
+        assert!(!resumes(&|it| it.device.clear()));
+        let rule = "[[expect.rule]]\nname = \"near\"\neventually = { bytes = { link = \"sonar\", \
+                    direction = \"to-master\", count = 1 } }\n";
+        assert!(checkpoint.resume_as(&sonar(rule).0).is_none());
+        let link = "[link.sonar]\nlatency = \"1ms\"\n";
+        assert!(checkpoint.resume_as(&sonar(link).0).is_none());
+        // A run that is over does not continue.
+        let mut over = run("");
+        over.scenario.duration = span(500);
+        while !over.is_over() {
+            over.step();
+        }
+        let over = over.checkpoint().expect("plain state");
+        assert!(over.resume_as(&sonar("").0).is_none());
+    }
+
+    /// The time for which a program is alive counts back from the end of the run.
+    #[test]
+    fn a_length_that_counts_stays() {
+        let safe = "[expect.safety]\nalive_for = \"1s\"\n";
+        let checkpoint = after_a_second(safe);
+        let resumes = |millis: u64| {
+            let mut scenario = sonar(safe).0;
+            scenario.duration = crate::scenario::Span::from_millis(millis);
+            checkpoint.resume_as(&scenario).is_some()
+        };
+        assert_eq!([3_000, 3_001].map(resumes), [true, false]);
+    }
+}

@@ -745,4 +745,34 @@ mod tests {
             Some(run.rig.trace_hash())
         );
     }
+
+    /// Two faults wait for a condition that holds from the first look on. The one that is withdrawn
+    /// before never begins, the other one does.
+    #[test]
+    fn a_withdrawn_fault_does_not_begin() {
+        let mut run = run();
+        let cut = "kind = \"cut\"\n\
+                   begins_when = { robot = { of = \"x-m\", op = \">\", value = -99 } }\n";
+        for _ in 0..3 {
+            run.inject(on_the_bus(cut)).expect("sound");
+        }
+        run.withdraw(FaultId(1)).expect("it waits");
+        assert_eq!(run.waiting, [FaultId(0), FaultId(2)]);
+        run.go_on_until(Instant::from_millis(50));
+        use FaultState::{Active, Over};
+        assert_eq!(states(&run), [Active, Over, Active]);
+        assert!(run.waiting.is_empty());
+    }
+
+    /// A fault on the next byte is planned, until that byte has passed.
+    #[test]
+    fn a_fault_on_the_next_byte_is_planned() {
+        let mut run = run();
+        run.go_on_until(Instant::from_millis(500));
+        let drop = on_the_bus("kind = \"drop\"");
+        let sent = run.line_of(&drop).expect("a bus").traffic().sent;
+        let next = on_the_bus(&format!("kind = \"drop\"\nbyte = {sent}"));
+        run.inject(next).expect("sound");
+        assert_eq!(states(&run), [FaultState::Planned]);
+    }
 }

@@ -285,14 +285,19 @@ mod tests {
         bin(&mut rig, 200, &[]);
         rig.set_line_config(right, LineConfig::new_8n1(20_000));
         bin(&mut rig, 300, &[0; 10]);
+        bin(&mut rig, 400, &[]);
         let names: Vec<_> = history.lanes.iter().map(|lane| &lane.name).collect();
         assert_eq!(names, ["link to-master", "link to-device"]);
         let lane = &history.lanes[0];
-        assert_eq!(lane.load, [0.5, 0.0, 0.1]);
-        assert_eq!(lane.faults, [1, 0, 0]);
+        assert_eq!(lane.load, [0.5, 0.0, 0.1, 0.0]);
+        assert_eq!(lane.faults, [1, 0, 0, 0]);
         assert_eq!(lane.errors[..2], [0, 0]);
-        assert!(lane.errors[2] > 0);
-        assert_eq!(history.lanes[1].load, [0.0; 3]);
+        assert!(
+            lane.errors[2] > 0 && lane.errors[3] == 0,
+            "{:?}",
+            lane.errors
+        );
+        assert_eq!(history.lanes[1].load, [0.0; 4]);
     }
 
     /// A robot with an estimate, whose scan is these points.

@@ -362,4 +362,193 @@ mod tests {
         assert!(run.finish_taps().is_ok() && run.fork_team().is_some());
         assert_eq!(run.next_event(), run.rig.next_event());
     }
+
+    /// Three rescue robots in a row, at x of 1, 1.5 and 2.2 m, with further tables of the second
+    /// one.
+    fn team(more: &str) -> (Scenario, Source) {
+        let member = |name: &str, x: f64| {
+            format!(
+                "[team.{name}]\nrobot = \"rescue\"\n\
+                 start = {{ x_m = {x}, y_m = 1, heading_deg = 0 }}\n"
+            )
+        };
+        let text = format!("{}{more}{}", member("second", 1.5), member("third", 2.2));
+        super::super::check::safety::puppet::scenario(&text)
+    }
+
+    fn run(more: &str) -> Run {
+        let (scenario, source) = team(more);
+        Run::new(scenario, &source, None).expect("can be wired")
+    }
+
+    fn at(millis: u64) -> Instant {
+        Instant::from_millis(millis)
+    }
+
+    /// All rigs have the same time. The first robot has the number 0, also for the rig of a number
+    /// that no robot has.
+    #[test]
+    fn robots_of_a_team_advance_together() {
+        use crate::rig::Paced as _;
+        let mut run = run("");
+        run.go_on_until(at(25));
+        let times: Vec<Instant> = (0..3).map(|robot| run.rig_of(robot).now()).collect();
+        assert_eq!(times, [at(25); 3]);
+        assert_eq!(
+            (run.next_meeting(), run.undisturbed_until()),
+            (Some(at(26)), at(26))
+        );
+        let places = [0, 1, 2, 3].map(|robot| run.rig_of(robot).world.pose().x);
+        let expected = [1.0, 1.5, 2.2, 1.0];
+        assert!(
+            places
+                .iter()
+                .zip(expected)
+                .all(|(x, own)| (x - own).abs() < 0.01),
+            "{places:?}"
+        );
+        for robot in 0..4 {
+            let own = run.rig_of(robot).world.pose();
+            assert_eq!(run.rig_of_mut(robot).world.pose(), own);
+        }
+        let names: Vec<&str> = run.scenarios().map(|one| &*one.name).collect();
+        assert_eq!(names, ["t", "t-second", "t-third"]);
+        let events = (0..3)
+            .filter_map(|robot| run.rig_of(robot).next_event())
+            .min();
+        assert_eq!(run.next_event(), events);
+        assert!(run.finish_taps().is_ok() && run.take_tap_trouble().is_none());
+        let names: Vec<&str> = run.team_mut().iter().map(|member| &*member.name).collect();
+        assert_eq!(names, ["second", "third"]);
+        let copies = run.fork_team().expect("plain state");
+        let copies: Vec<&str> = copies.iter().map(|member| &*member.name).collect();
+        assert_eq!(copies, ["second", "third"]);
+    }
+
+    /// The second robot is pushed by 0.2 m to the third one, and the first one by 0.1 m to the
+    /// second one. In each world, the nearest robot is as far away as their discs are.
+    #[test]
+    fn each_world_has_the_motion_of_all_robots() {
+        let mut run = run("");
+        let push = |run: &mut Run, robot: usize, by_m: f64| {
+            use crate::rig::Paced as _;
+            let over = Duration::from_millis(20);
+            run.rig_of_mut(robot).world.push(by_m, 0.0, 0.0, over);
+        };
+        let is_as_far = |run: &Run| {
+            let places: Vec<f64> = run.worlds().map(|world| world.pose().x).collect();
+            let gaps = [places[1] - places[0], places[2] - places[1]];
+            let nearest = [gaps[0], gaps[0].min(gaps[1]), gaps[1]];
+            for (world, nearest) in run.worlds().zip(nearest) {
+                let free = nearest - 2.0 * world.footprint().reach_m();
+                let clearance = world.clearance();
+                assert!((clearance - free).abs() < 0.002, "{places:?}: {clearance}");
+            }
+            gaps
+        };
+        run.go_on_until(at(10));
+        is_as_far(&run);
+        push(&mut run, 1, 0.2);
+        run.go_on_until(at(110));
+        let first = is_as_far(&run);
+        assert!(first[0] > 0.65 && first[1] < 0.55, "{first:?}");
+        push(&mut run, 0, 0.1);
+        run.go_on_until(at(210));
+        let second = is_as_far(&run);
+        assert!(second[0] < first[0] - 0.05, "{second:?}");
+        push(&mut run, 2, -0.1);
+        run.go_on_until(at(310));
+        let third = is_as_far(&run);
+        assert!(third[1] < second[1] - 0.05, "{third:?}");
+    }
+
+    /// Two discs of which the middles are 0.25 m apart are in each other.
+    #[test]
+    fn two_robots_have_no_room_at_one_place() {
+        let (scenario, source) = super::super::check::safety::puppet::scenario(
+            "[team.second]\nrobot = \"rescue\"\n\
+             start = { x_m = 1.25, y_m = 1, heading_deg = 0 }\n",
+        );
+        let reach_m = run("").rig.world.footprint().reach_m();
+        let error = Run::new(scenario, &source, None).map(|_| ());
+        let error = error.expect_err("no room").to_string();
+        let deep = format!("stands {:.3} m deep in another robot", 2.0 * reach_m - 0.25);
+        assert!(
+            error.contains(&deep) && error.contains("team.second.start"),
+            "{error}"
+        );
+    }
+
+    /// A further robot without a task is done unless it waits or continues to the end; one with
+    /// waypoints, or one that has to be home, has a task.
+    #[test]
+    fn each_robot_of_a_team_has_to_be_done() {
+        assert!(run("").is_team_done());
+        assert!(!run("[team.second.mission]\nwaypoints_m = [[2.0, 2.0]]\n").is_team_done());
+        assert!(!run("[team.second.expect]\nhome_within_mm = 100\n").is_team_done());
+        assert!(!run("[team.second.mission]\nto_the_end = true\n").is_team_done());
+        let waits = "[[team.second.mission.step]]\ndo = { mode = \"stop\" }\n\
+                     when = { contact = { faster_than_m_s = 0.1 } }\n";
+        assert!(!run(waits).is_team_done());
+    }
+
+    /// Checks and bytes of all robots are those of the run; each further robot has its own end.
+    #[test]
+    fn a_run_is_judged_with_all_robots() {
+        let mut run = run("");
+        run.go_on_until(at(20));
+        let named = run.checks();
+        let count = |name: &str| {
+            let own = named.iter().filter(|check| check.name.starts_with(name));
+            own.count()
+        };
+        let (second, third) = (count("second/"), count("third/"));
+        assert!(second > 0 && second == third && named.len() > second + third);
+        assert_eq!(run.team_checks().count(), second + third);
+        let alone = run.rig.trace_hash();
+        let outcome = run.judge();
+        let names: Vec<&str> = outcome.team.iter().map(|(name, _)| &**name).collect();
+        assert_eq!(names, ["second", "third"]);
+        assert!(
+            outcome
+                .team
+                .iter()
+                .all(|(_, end)| end.again.as_deref() == Some(AGAIN))
+        );
+        let is_named = |check: &&Check| check.name.starts_with("second/");
+        assert_eq!(outcome.checks.iter().filter(is_named).count(), second);
+        assert_ne!(outcome.trace_hash, alone);
+        let hashes: Vec<&str> = outcome
+            .team
+            .iter()
+            .map(|(_, end)| &*end.trace_hash)
+            .collect();
+        let all = format!("{alone} second {} third {}", hashes[0], hashes[1]);
+        assert_eq!(outcome.trace_hash, fingerprint(all.as_bytes()));
+        let origin = outcome.case.origin.expect("a case of a run");
+        assert_eq!(origin.trace_hash, outcome.trace_hash);
+    }
+
+    /// A further robot with an `exec` table has open ends, which have its number and its name; the
+    /// others have their built-in programs.
+    #[test]
+    fn only_a_robot_with_a_program_of_yours_has_open_ends() {
+        let exec = "[team.second.exec.pilot]\ncommand = \"true\"\n";
+        let ends = |more: &str, dut| {
+            let (scenario, source) = team(more);
+            let wired = wire_members(&scenario, &source, dut).expect("can be wired");
+            let ends = wired.iter().map(|one| {
+                let ends = &one.open_ends;
+                assert!(ends.iter().all(|end| end.robot == 1));
+                assert!(ends.iter().all(|end| end.name.starts_with("second/")));
+                (ends.is_empty(), one.rig.program().is_some())
+            });
+            ends.collect::<Vec<_>>()
+        };
+        let built_in = [(true, true), (true, true)];
+        assert_eq!(ends("", Dut::Internal), built_in);
+        assert_eq!(ends("", Dut::External), built_in);
+        assert_eq!(ends(exec, Dut::Internal), built_in);
+        assert_eq!(ends(exec, Dut::External), [(false, false), (true, true)]);
+    }
 }

@@ -500,4 +500,18 @@ mod tests {
         assert_eq!(turns(&chunks, &[9, 30, 99]), [false; 4]);
         assert_eq!(turns(&chunks, &[]), [false; 4]);
     }
+
+    /// Invalid bytes have the reasons of the decoder, if it gives any.
+    #[test]
+    fn invalid_bytes_have_their_reasons() {
+        use protocols::FrameError::{Length, Truncated};
+        let bad = |errors| meaning(&What::Bad(errors));
+        assert_eq!(bad(vec![]), (true, "no frame".to_owned()));
+        let errors = vec![Truncated { found: 4 }, Length { max: 1, found: 2 }];
+        let words = errors.iter().map(ToString::to_string).collect::<Vec<_>>();
+        assert_eq!(words[0], "line went quiet after 4 bytes");
+        assert_eq!(bad(errors), (true, words.join("; ")));
+        let frame = What::Frame("go".to_owned());
+        assert_eq!(meaning(&frame), (false, "go".to_owned()));
+    }
 }
