@@ -128,7 +128,7 @@ mod tests {
         );
     }
 
-    /// The texts of lines that back-to-back chunks of these lengths, each 10 us a byte, share.
+    /// Number of chunks in each line, for back-to-back chunks of these lengths at 10 us a byte.
     fn chunks_of_each_line(lengths: &[usize]) -> Vec<usize> {
         let mut end = 0;
         let chunk = |len: &usize| {
@@ -161,8 +161,7 @@ mod tests {
         assert_eq!(read(&text, BUS).as_deref(), Ok(&arrivals[..]));
     }
 
-    /// Two lines may have the same time: a program may send two arrivals at once. Blank lines are
-    /// skipped, and count.
+    /// Two lines may have the same time. Blank lines are skipped, but they count.
     #[test]
     fn lines_may_have_the_same_time() {
         let both = [arrival(90, &[0xAB]), arrival(90, &[0xCD])];

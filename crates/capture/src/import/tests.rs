@@ -269,7 +269,7 @@ fn a_format_is_certain_if_only_its_tool_writes_it() {
     assert_eq!(of(block), (Some(Format::Socat), true));
     assert_eq!(of("10 20 30\n"), (Some(Format::Hex), false));
     assert_eq!(of("nothing of the kind\n"), (None, false));
-    // A line that is cut inside a byte takes nothing from the certainty.
+    // A line that is cut inside a byte does not change the format.
     let cut = "[12:00:00.5] TX: AB 24\n[12:00:00.6] RX: AB 24\n[12:00:00.7] TX: AB 24 0A 1\n";
     assert_eq!(of(cut), (Some(Format::Hex), true));
 }

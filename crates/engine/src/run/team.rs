@@ -425,8 +425,9 @@ mod tests {
         assert_eq!(copies, ["second", "third"]);
     }
 
-    /// The second robot is pushed by 0.2 m to the third one, and the first one by 0.1 m to the
-    /// second one. In each world, the nearest robot is as far away as their discs are.
+    /// The second robot is pushed by 0.2 m to the third one, the first one by 0.1 m to the second
+    /// one, and the third one by 0.1 m back. In each world, the gap to the nearest robot is that
+    /// of their discs.
     #[test]
     fn each_world_has_the_motion_of_all_robots() {
         let mut run = run("");

@@ -131,8 +131,8 @@ mod tests {
         lane
     }
 
-    /// The second chunk begins 3 ms after the end of the first one or more, and the third one after
-    /// that.
+    /// A chunk that begins more than 3 ms behind the end of the chunk before it is a message of its
+    /// own.
     #[test]
     fn a_longer_silence_divides_the_bytes() {
         let chunks = |times: [u64; 3]| {
