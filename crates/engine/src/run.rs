@@ -665,6 +665,10 @@ mod tests {
         // A map that the robot cannot send is not waited for.
         assert_eq!(over_at(None, "map_received = true\n", here), 60);
         assert_eq!(over_at(None, "map_received = false\n", here), 60);
+        // A rule that must hold once, and holds never.
+        let rule = "[[expect.rule]]\nname = \"far\"\n\
+                    eventually = { robot = { of = \"x-m\", op = \">\", value = 5 } }\n";
+        assert_eq!(over_at(None, "", &format!("{here}{rule}")), 300);
         // A step that waits for an event.
         let waits = "step = [{ when = { visited = 2 }, do = { mode = \"stop\" } }]\n";
         let two = "waypoints_m = [[0.0, 0.0], [5.0, 0.0]]\n";
@@ -703,5 +707,40 @@ mod tests {
             assert_eq!((run.rig.now().as_millis(), run.looks), (until, looks));
         }
         assert!(!run.is_over());
+    }
+
+    /// A value may still come until the duration is over.
+    #[test]
+    fn a_missing_value_fails_at_the_end() {
+        use super::check::Status;
+        let (mut scenario, _) = scenario("[expect]\npose_rms_mm_max = 50\n");
+        scenario.duration = crate::scenario::Span::from_millis(30);
+        let robot = Box::new(Searcher { is_done: None });
+        let mut run = Run::with_rig(scenario, check::safety::tests::rig(), robot);
+        let statuses = [20, 30, 40].map(|millis| {
+            run.go_on_until(Instant::from_millis(millis));
+            let checks = run.checks();
+            let own = checks.iter().find(|check| check.name == "pose-rms");
+            own.map(|check| check.status)
+        });
+        let expected = [Status::NotObserved, Status::Fail, Status::Fail];
+        assert_eq!(statuses, expected.map(Some));
+    }
+
+    /// A robot that estimated its pose once.
+    struct Once;
+
+    impl Instruments for Once {
+        fn estimate(&self, _: &Rig) -> Option<(Instant, Pose)> {
+            Some((Instant::from_millis(5), Pose::default()))
+        }
+    }
+
+    #[test]
+    fn an_estimate_is_compared_once() {
+        let (scenario, _) = scenario("");
+        let mut run = Run::with_rig(scenario, check::safety::tests::rig(), Box::new(Once));
+        run.go_on_until(Instant::from_millis(50));
+        assert_eq!(run.pairs.len(), 1);
     }
 }

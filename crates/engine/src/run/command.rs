@@ -230,7 +230,8 @@ mod tests {
         let mut run = run(
             "[mission]\nwaypoints_m = [[2.0, 2.0], [1.0, 2.0]]\n[expect]\nvisit_within_mm = 100\n\
              return_within_mm = 100\nsettle = \"1s\"\nwall_overlap_min = 0.9\n\
-             map_received = true\nviolations_max = 0",
+             map_received = true\nhome_within_mm = 100\nexplored_min = 0.9\n\
+             victims_within_mm = 100\nviolations_max = 0",
         );
         run.go_on_until(Instant::from_secs(2));
         let case = run.case_so_far();
@@ -240,6 +241,8 @@ mod tests {
             (None, None)
         );
         assert_eq!((expect.settle, expect.wall_overlap_min), (None, None));
+        assert_eq!((expect.home_within_mm, expect.explored_min), (None, None));
+        assert_eq!(expect.victims_within_mm, None);
         assert_eq!(
             (expect.map_received, expect.violations_max),
             (None, Some(0))
