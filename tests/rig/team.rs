@@ -135,7 +135,7 @@ fn errors_of_a_further_robot_have_the_lines_of_the_file() {
         (
             place,
             "x_m = 0.4, y_m = 0.25",
-            "start: stands 0.090 m deep in another robot",
+            "start: stands in another robot",
         ),
         (
             place,
