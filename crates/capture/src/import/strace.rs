@@ -618,7 +618,10 @@ mod tests {
         assert_eq!(told(paths), Ok(vec![(0, true, vec![0xAB])]));
         // With -xx, "/dev/ttyS1" and "/tmp/a" are in hexadecimal digits.
         let hexadecimal = paths
-            .replace("/dev/ttyS1", "\\x2f\\x64\\x65\\x76\\x2f\\x74\\x74\\x79\\x53\\x31")
+            .replace(
+                "/dev/ttyS1",
+                "\\x2f\\x64\\x65\\x76\\x2f\\x74\\x74\\x79\\x53\\x31",
+            )
             .replace("/tmp/a", "\\x2f\\x74\\x6d\\x70\\x2f\\x61");
         assert_eq!(told(&hexadecimal), Ok(vec![(0, true, vec![0xAB])]));
     }
