@@ -6,18 +6,18 @@ use core::cmp::Ordering;
 
 use super::matching::{CellFrame, whole};
 use super::settings::Settings;
-use super::walk::{Walk, faded};
+use super::walk::{Steps, Walk, faded};
 use crate::grid::{Grid, UNKNOWN};
 use crate::pose::Pose;
 use crate::scan::Scan;
 
-/// Weights of rays, each of 256.
+/// Changes of cells by rays.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Strokes {
     /// The hole around a beam's end.
-    wall: i32,
-    /// Weight of wall or free path on a cell that was never drawn.
-    first: i32,
+    wall: Steps,
+    /// The hole on a cell that was never drawn.
+    first: Steps,
     /// New value of a cell on the free path.
     free: [u8; 256],
 }
@@ -42,8 +42,8 @@ impl Strokes {
         let mut then = faded(free);
         then[usize::from(UNKNOWN)] = faded(first)[usize::from(UNKNOWN)];
         Self {
-            wall: i32::from(wall),
-            first: i32::from(first),
+            wall: Steps::new(wall.into(), 255),
+            first: Steps::new(first.into(), 255),
             free: then,
         }
     }
@@ -195,12 +195,12 @@ impl Line {
             let height = (peak - (value - peak).abs()).max(0) >> BITS;
             value += self.rise;
             if let Some(cell) = cells.get_mut(walk.next()) {
-                let weight = if *cell == UNKNOWN {
+                let steps = if *cell == UNKNOWN {
                     &strokes.first
                 } else {
                     &strokes.wall
                 };
-                *cell = blended(*cell, height, *weight);
+                steps.apply(cell, height.unsigned_abs() as usize);
             }
         }
     }
@@ -245,15 +245,6 @@ fn ceil(value: f32) -> f32 {
     } else {
         towards_zero
     }
-}
-
-/// Moves `old` towards `value` by `weight` parts of 256, rounded towards the value.
-#[inline]
-fn blended(old: u8, value: i32, weight: i32) -> u8 {
-    let way = value - i32::from(old);
-    let up = if way > 0 { 255 } else { 0 };
-    let [new, ..] = (i32::from(old) + ((way * weight + up) >> 8)).to_le_bytes();
-    new
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@
 use super::WIDE;
 use super::matching::{CellFrame, whole};
 use super::settings::{Defects, Rounding};
-use super::walk::{Walk, faded};
+use super::walk::{Steps, Walk, faded};
 use crate::grid::{Grid, OBSTACLE};
 use crate::pose::Pose;
 use crate::scan::Scan;
@@ -174,7 +174,7 @@ pub(super) fn draw<const W: usize, const H: usize>(
     let cells = cells.as_flattened_mut();
     line.map(cells, free_steps + 1, &brush.free);
     for flank in hole.flanks(steps, &mut brush.slopes) {
-        flank.draw(cells, &mut line, &brush.step);
+        flank.draw(cells, &mut line, &brush.steps);
     }
 }
 
@@ -182,9 +182,8 @@ pub(super) fn draw<const W: usize, const H: usize>(
 pub(super) struct Brush {
     /// New value of a cell on the free path.
     free: [u8; 256],
-    /// Step added to a cell, modulo 256, indexed by the drawn value minus the cell's value, modulo
-    /// 512.
-    step: [u8; 512],
+    /// Steps towards the value of a hole.
+    steps: Steps,
     /// Slopes of the hole drawn last.
     slopes: Slopes,
 }
@@ -195,15 +194,9 @@ impl Brush {
             Rounding::Corrected => 255,
             Rounding::Truncating => 0,
         };
-        let mut step = [0; 512];
-        for (difference, step) in (-256..256).zip(&mut step) {
-            let moved = difference * i32::from(ink.weight) + if difference > 0 { up } else { 0 };
-            [*step, ..] = (moved >> 8).to_le_bytes();
-        }
-        step.rotate_left(256);
         Self {
             free: faded(ink.weight),
-            step,
+            steps: Steps::new(ink.weight.into(), up),
             slopes: Slopes::new(1),
         }
     }
@@ -299,7 +292,7 @@ impl Hole {
 
 impl Flank {
     #[inline(never)]
-    fn draw(&self, cells: &mut [u8], line: &mut Walk, step: &[u8; 512]) {
+    fn draw(&self, cells: &mut [u8], line: &mut Walk, steps: &Steps) {
         let mut walk = *line;
         let mut value = self.value;
         for _ in 0..self.cells {
@@ -308,8 +301,7 @@ impl Flank {
             let Some(cell) = cells.get_mut(walk.next()) else {
                 break;
             };
-            let more = whole.wrapping_sub(usize::from(*cell)) % step.len();
-            *cell = cell.wrapping_add(step[more]);
+            steps.apply(cell, whole);
         }
         *line = walk;
     }

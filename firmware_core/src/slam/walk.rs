@@ -54,6 +54,34 @@ impl Walk {
     }
 }
 
+/// Steps of a cell towards a drawn value, for each difference of the two.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Steps {
+    /// Step modulo 256, indexed by the drawn value minus the cell's value, modulo 512.
+    by_difference: [u8; 512],
+}
+
+impl Steps {
+    /// Steps of `weight` parts of 256 of the difference; `up` is added before an upward step is
+    /// rounded down.
+    pub(super) fn new(weight: i32, up: i32) -> Self {
+        let mut by_difference = [0; 512];
+        for (difference, step) in (-256..256).zip(&mut by_difference) {
+            let moved = difference * weight + if difference > 0 { up } else { 0 };
+            [*step, ..] = (moved >> 8).to_le_bytes();
+        }
+        by_difference.rotate_left(256);
+        Self { by_difference }
+    }
+
+    /// Moves `cell` towards `value`.
+    #[inline]
+    pub(super) fn apply(&self, cell: &mut u8, value: usize) {
+        let difference = value.wrapping_sub(usize::from(*cell)) % self.by_difference.len();
+        *cell = cell.wrapping_add(self.by_difference[difference]);
+    }
+}
+
 /// A table of every value reduced by `away` parts of 256, rounded down.
 pub(super) fn faded(away: u16) -> [u8; 256] {
     let mut then = [0; 256];
