@@ -90,10 +90,11 @@ impl Kept {
         if slot.age < age || slot.age == age && !is_nearer() {
             return;
         }
-        #[expect(clippy::cast_possible_truncation, reason = "at most 1,500 mm")]
-        let place_mm = [point.x_mm, point.y_mm].map(|mm| libm::roundf(mm) as i16);
         *slot = match range_mm < KEPT_MM {
-            true => Spot { place_mm, age },
+            true => Spot {
+                place_mm: [point.x_mm, point.y_mm].map(rounded),
+                age,
+            },
             false => Spot::NONE,
         };
     }
@@ -109,6 +110,16 @@ impl Kept {
     }
 }
 
+/// The nearest whole number, as `libm::roundf` gives it: half way it is the one farther from 0. The
+/// cast discards the fraction, so nothing else is needed for a number of 16 bits.
+fn rounded(mm: f32) -> i16 {
+    // The number below a half: with a half, the sum for 0.49999997 would round up to 1.
+    const HALF: f32 = 0.5 - 0.25 * f32::EPSILON;
+    #[expect(clippy::cast_possible_truncation, reason = "at most 1,500 mm")]
+    let whole = (mm + HALF.copysign(mm)) as i16;
+    whole
+}
+
 #[cfg(test)]
 mod tests {
     extern crate std;
@@ -117,6 +128,17 @@ mod tests {
 
     use super::*;
     use crate::pose::sin_cos;
+
+    /// All halves of a millimetre that fit, and the numbers next to them, round as `roundf` does.
+    #[test]
+    fn places_are_rounded_as_the_library_does() {
+        for half in -65_000_i32..65_000 {
+            let mm = half as f32 / 2.0;
+            for mm in [mm.next_down(), mm, mm.next_up()] {
+                assert_eq!(f32::from(rounded(mm)), libm::roundf(mm), "{mm}");
+            }
+        }
+    }
 
     /// A scan with points at this distance on whole degrees.
     fn scan(degrees: core::ops::Range<u16>, range_mm: f32, ms: u64) -> Scan {
