@@ -133,22 +133,28 @@ impl Walls {
     /// Number of points of `lines`, seen from `pose`, on known walls.
     fn known(&self, pose: Pose, lines: &[Segment]) -> usize {
         let near_mm = NEAR_MM[NEAR_MM.len() - 1];
-        let is_known = |face: Segment, point: Point| {
+        let is_known = |along: Point, point: Point| {
             let mut offsets = self.segments.iter();
             offsets
-                .any(|wall| offset(*wall, face, point).is_some_and(|(_, off)| off.abs() < near_mm))
+                .any(|wall| offset(*wall, along, point).is_some_and(|(_, off)| off.abs() < near_mm))
         };
-        let points = |face: Segment| face.points(STEP_MM).filter(move |it| is_known(face, *it));
-        faces(pose, lines).map(|face| points(face).count()).sum()
+        let count = |face: Segment| {
+            let along = direction(face, face.length_mm());
+            face.points(STEP_MM)
+                .filter(|it| is_known(along, *it))
+                .count()
+        };
+        faces(pose, lines).map(count).sum()
     }
 
     fn add_line(&self, sums: &mut Sums, line: Segment, near_mm: f32) {
+        let along = direction(line, line.length_mm());
         for point in line.points(STEP_MM) {
             // Use the oldest wall: it was seen before the odometry had much error.
             let mut offsets = self
                 .segments
                 .iter()
-                .filter_map(|wall| offset(*wall, line, point));
+                .filter_map(|wall| offset(*wall, along, point));
             if let Some((normal, off)) = offsets.find(|(_, off)| off.abs() < near_mm) {
                 sums.add(point, normal, off);
             }
@@ -177,23 +183,25 @@ fn faces(robot: Pose, lines: &[Segment]) -> impl Iterator<Item = Segment> {
     })
 }
 
-/// The normal of `wall` and the distance of `point` of `line` from it, if both may be the same
-/// wall.
-fn offset(wall: Segment, line: Segment, point: Point) -> Option<(Point, f32)> {
-    let direction = |segment: Segment| {
-        let length = segment.length_mm();
-        let along = |start: f32, end: f32| (end - start) / length;
-        Point::new(
-            along(segment.start.x_mm, segment.end.x_mm),
-            along(segment.start.y_mm, segment.end.y_mm),
-        )
-    };
-    let (along, other) = (direction(wall), direction(line));
+/// The unit vector along a segment of this length.
+fn direction(segment: Segment, length_mm: f32) -> Point {
+    let along = |start: f32, end: f32| (end - start) / length_mm;
+    Point::new(
+        along(segment.start.x_mm, segment.end.x_mm),
+        along(segment.start.y_mm, segment.end.y_mm),
+    )
+}
+
+/// The normal of `wall` and the distance from it of `point`, which belongs to a line in the
+/// direction `other`, if both may be the same wall.
+fn offset(wall: Segment, other: Point, point: Point) -> Option<(Point, f32)> {
+    let length_mm = wall.length_mm();
+    let along = direction(wall, length_mm);
     let cross = along.x_mm * other.y_mm - along.y_mm * other.x_mm;
     let is_same_side = along.x_mm * other.x_mm + along.y_mm * other.y_mm > 0.0;
     let (x, y) = (point.x_mm - wall.start.x_mm, point.y_mm - wall.start.y_mm);
     let at = along.x_mm * x + along.y_mm * y;
-    let is_beside = (0.0..=wall.length_mm()).contains(&at);
+    let is_beside = (0.0..=length_mm).contains(&at);
     let off = along.x_mm * y - along.y_mm * x;
     (is_beside && is_same_side && cross.abs() < libm::sinf(TURN_MAX))
         .then_some((Point::new(-along.y_mm, along.x_mm), off))
