@@ -168,6 +168,9 @@ pub struct Decoder<F, const N: usize> {
     end: usize,
     discarded: u64,
     quiet: bool,
+    /// Whether the pending bytes were judged incomplete. They are not judged again until more come,
+    /// the line falls silent, or the format changes.
+    is_incomplete: bool,
 }
 
 impl<F: Format, const N: usize> Decoder<F, N> {
@@ -180,6 +183,7 @@ impl<F: Format, const N: usize> Decoder<F, N> {
             end: 0,
             discarded: 0,
             quiet: false,
+            is_incomplete: false,
         }
     }
 
@@ -191,6 +195,7 @@ impl<F: Format, const N: usize> Decoder<F, N> {
     /// The format, for changes that apply to pending and later bytes: some protocols announce the
     /// next frame in the current one.
     pub(crate) const fn format_mut(&mut self) -> &mut F {
+        self.is_incomplete = false;
         &mut self.format
     }
 
@@ -209,6 +214,9 @@ impl<F: Format, const N: usize> Decoder<F, N> {
 
     /// Judges the pending bytes. `Some` if there is a result; skipped noise alone is none.
     fn settle(&mut self) -> Option<Result<F::Frame, FrameError>> {
+        if self.is_incomplete {
+            return None;
+        }
         while self.start < self.end {
             let bytes = &self.buf[self.start..self.end];
             let verdict = if self.quiet {
@@ -235,7 +243,10 @@ impl<F: Format, const N: usize> Decoder<F, N> {
                     self.discard_one();
                     return Some(Err(FrameError::Truncated { found }));
                 }
-                Candidate::Incomplete => return None,
+                Candidate::Incomplete => {
+                    self.is_incomplete = true;
+                    return None;
+                }
             }
         }
         self.quiet = false;
@@ -260,6 +271,7 @@ impl<F: Format, const N: usize> Decoder<F, N> {
         let (taken, rest) = input.split_at(input.len().min(N - self.end));
         self.buf[self.end..self.end + taken.len()].copy_from_slice(taken);
         self.end += taken.len();
+        self.is_incomplete = false;
         *input = rest;
     }
 }
@@ -282,6 +294,7 @@ impl<F: Format, const N: usize> Decode for Decoder<F, N> {
 
     fn idle(&mut self) {
         self.quiet = self.start < self.end;
+        self.is_incomplete = false;
     }
 
     fn pending(&self) -> usize {
