@@ -299,7 +299,8 @@ fn sector_of(angle: f64) -> usize {
     whole((angle + TURNS_MAX * TAU) * (SECTORS as f64 / TAU)) % SECTORS
 }
 
-/// A number that is not negative, rounded down.
+/// A number that is not negative, rounded down. By way of 32 bits, because a cast to 64 bits
+/// without sign takes three times the instructions.
 #[inline]
 #[expect(
     clippy::cast_possible_truncation,
@@ -307,7 +308,7 @@ fn sector_of(angle: f64) -> usize {
     reason = "a cast of a float saturates"
 )]
 const fn whole(value: f64) -> usize {
-    value as usize
+    value as u32 as usize
 }
 
 #[cfg(test)]
