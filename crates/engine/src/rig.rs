@@ -157,7 +157,7 @@ impl Rig {
 
     /// Adds an end that is served from outside; returns the number of its node.
     pub fn add_outside(&mut self, name: &str, line: LineConfig) -> usize {
-        self.add_node(name, Body::Outside(Outside::new(line)))
+        self.add_node(name, Body::Outside(Box::new(Outside::new(line))))
     }
 
     fn add_node(&mut self, name: &str, body: Body) -> usize {

@@ -2,7 +2,7 @@
 
 use protocols::Instant;
 
-use super::line::NEVER;
+use super::line::{End, NEVER};
 
 /// Deadlines of a rig's nodes and lines.
 #[derive(Clone, Debug, Default)]
@@ -16,6 +16,8 @@ pub(super) struct Plan {
     pub(super) asked: LineSet,
     /// Outgoing lines of each node.
     pub(super) lines_from: Vec<LineSet>,
+    /// Sender of each line.
+    pub(super) senders: Vec<End>,
 }
 
 /// The earliest of many times, of nodes or lines, as a tournament tree: each pair plays for the

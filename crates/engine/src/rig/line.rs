@@ -396,10 +396,15 @@ impl Line {
     }
 
     /// Delivers the bytes that have arrived by `now`, one chunk a call.
+    #[inline]
     pub fn deliver(&mut self, now: Instant) -> Option<Delivery> {
         if self.due > now {
             return None;
         }
+        self.deliver_due(now)
+    }
+
+    fn deliver_due(&mut self, now: Instant) -> Option<Delivery> {
         if self.resampler.idle_at().is_some_and(|at| at <= now) {
             let mut bytes = self.spare.pop().unwrap_or_default();
             bytes.clear();

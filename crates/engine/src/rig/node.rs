@@ -196,7 +196,8 @@ pub(super) enum Body {
         /// Number of polls in a row after which the program requested a past time.
         hasty: u32,
     },
-    Outside(Outside),
+    /// On the heap, so that a node is small and its kind is read at once.
+    Outside(Box<Outside>),
 }
 
 #[derive(Clone)]
@@ -472,7 +473,7 @@ mod tests {
         );
         let mut node = Node {
             name: "end".to_owned(),
-            body: Body::Outside(outside()),
+            body: Body::Outside(Box::new(outside())),
             polled_at: at(10),
             excused_from: 0,
         };
@@ -600,7 +601,7 @@ mod tests {
                 last_cost: Duration::ZERO,
                 hasty: 0,
             },
-            Body::Outside(outside()),
+            Body::Outside(Box::new(outside())),
         ];
         bodies.map(|body| Node {
             name: "node".to_owned(),

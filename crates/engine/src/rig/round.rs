@@ -40,7 +40,9 @@ impl Rig {
         self.plan.asked = none.clone();
         self.plan.lines_from.clear();
         self.plan.lines_from.resize(self.nodes.len(), none);
+        self.plan.senders.clear();
         for (number, line) in lines().enumerate() {
+            self.plan.senders.push(line.from);
             self.plan.lines_from[line.from.node].insert(number);
             if !line.is_silent {
                 self.plan.asked.insert(number);
@@ -166,19 +168,29 @@ impl Rig {
     /// Takes bytes from senders that may have some.
     fn take(&mut self) {
         let mut from = 0;
-        while let Some(number) = self.plan.asked.take_from(from) {
+        while let Some(number) = self.next_sending(from) {
             from = number + 1;
             let (link, direction) = (number / 2, Direction::BOTH[number % 2]);
-            let End { node, port } = self.links[link].lines[direction as usize].from;
-            if self.nodes[node].may_send(port) {
-                self.ask(link, direction);
-                self.note_line(link, direction);
-            } else {
-                debug_assert!(self.nodes[node].is_silent(port), "it said it was");
-            }
+            self.ask(link, direction);
+            self.note_line(link, direction);
         }
         // A node that is touched after its own line was polled is handled at its next poll.
         self.plan.asked.clear();
+    }
+
+    /// The first line from `from` on that is to be asked and whose sender may send. Most senders
+    /// have no bytes, so they are passed in a loop of their own.
+    fn next_sending(&mut self, mut from: usize) -> Option<usize> {
+        let Self { nodes, plan, .. } = self;
+        loop {
+            let number = plan.asked.take_from(from)?;
+            let End { node, port } = plan.senders[number];
+            if nodes[node].may_send(port) {
+                return Some(number);
+            }
+            debug_assert!(nodes[node].is_silent(port), "it said it was");
+            from = number + 1;
+        }
     }
 
     /// Polls the sender of one line.

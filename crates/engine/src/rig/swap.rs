@@ -47,7 +47,7 @@ impl Rig {
             return None;
         };
         let line = device.line_config(port);
-        self.nodes[old].body = Body::Outside(Outside::new(line));
+        self.nodes[old].body = Body::Outside(Box::new(Outside::new(line)));
         self.nodes[old].polled_at = NEVER;
         let name = self.nodes[old].name.clone();
         let end = End {
@@ -68,7 +68,7 @@ impl Rig {
             return;
         };
         node.stir();
-        let silent = Body::Outside(Outside::new(LineConfig::new_8n1(1)));
+        let silent = Body::Outside(Box::new(Outside::new(LineConfig::new_8n1(1))));
         if let Body::Program {
             program,
             busy_until,
