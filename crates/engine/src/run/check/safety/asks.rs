@@ -101,7 +101,7 @@ impl Ear {
 
     fn listening(self, rig: &mut Rig) -> Shared<Self> {
         let ear = Shared::new(self);
-        rig.add_tap(Box::new(Listener(ear.clone())));
+        rig.add_tap(Box::new(Listener::of(&ear)));
         ear
     }
 
@@ -177,21 +177,33 @@ impl Ear {
     }
 }
 
-struct Listener(Shared<Ear>);
+struct Listener {
+    /// Link of the ear, which is locked only for bytes of this link.
+    link: usize,
+    ear: Shared<Ear>,
+}
+
+impl Listener {
+    fn of(ear: &Shared<Ear>) -> Self {
+        Self {
+            link: ear.lock().link,
+            ear: ear.clone(),
+        }
+    }
+}
 
 impl Tap for Listener {
     fn record(&mut self, link: usize, to: Direction, side: Side, at: Instant, bytes: &[u8]) {
-        let mut ear = self.0.lock();
-        if to == Direction::ToDevice && side == Side::Sent && link == ear.link {
-            ear.take(to, at, bytes);
+        if to == Direction::ToDevice && side == Side::Sent && link == self.link {
+            self.ear.lock().take(to, at, bytes);
         }
     }
 
     fn arrived(&mut self, link: usize, to: Direction, delivery: &Delivery) {
-        let mut ear = self.0.lock();
-        if link != ear.link {
+        if link != self.link {
             return;
         }
+        let mut ear = self.ear.lock();
         if to == Direction::ToDevice && has_paused(delivery) {
             ear.paused_until = delivery.at + PAUSED;
         }

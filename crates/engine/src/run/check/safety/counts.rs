@@ -123,7 +123,7 @@ impl Ear {
 
     fn listening(self, rig: &mut Rig) -> Shared<Self> {
         let ear = Shared::new(self);
-        rig.add_tap(Box::new(Listener(ear.clone())));
+        rig.add_tap(Box::new(Listener::of(&ear)));
         ear
     }
 
@@ -149,14 +149,30 @@ impl Ear {
     }
 }
 
-struct Listener(Shared<Ear>);
+struct Listener {
+    /// Link of the ear, which is locked only for bytes of this link.
+    link: usize,
+    ear: Shared<Ear>,
+}
+
+impl Listener {
+    fn of(ear: &Shared<Ear>) -> Self {
+        Self {
+            link: ear.lock().link,
+            ear: ear.clone(),
+        }
+    }
+}
 
 impl Tap for Listener {
     fn record(&mut self, _: usize, _: Direction, _: Side, _: Instant, _: &[u8]) {}
 
     fn arrived(&mut self, link: usize, direction: Direction, delivery: &Delivery) {
-        let mut ear = self.0.lock();
-        if direction == ear.direction && link == ear.link && !delivery.bytes.is_empty() {
+        if link != self.link {
+            return;
+        }
+        let mut ear = self.ear.lock();
+        if direction == ear.direction && !delivery.bytes.is_empty() {
             if has_paused(delivery) {
                 ear.disturb();
             }

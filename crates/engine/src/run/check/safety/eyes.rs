@@ -16,7 +16,6 @@ pub(super) struct Eyes {
 }
 
 struct Turns {
-    link: usize,
     decoder: Box<dyn ScanDecoder>,
     count: u64,
     /// Number of damaged deliveries. The rig does not know which turns end in them.
@@ -29,12 +28,14 @@ impl Eyes {
         let (name, decoder) = instruments.scanner(rig)?;
         let link = rig.links().iter().position(|link| link.name == name)?;
         let shared = Shared::new(Turns {
-            link,
             decoder,
             count: 0,
             damaged: 0,
         });
-        rig.add_tap(Box::new(Listener(shared.clone())));
+        rig.add_tap(Box::new(Listener {
+            link,
+            turns: shared.clone(),
+        }));
         Some(Self { name, shared })
     }
 
@@ -67,14 +68,18 @@ impl Eyes {
     }
 }
 
-struct Listener(Shared<Turns>);
+struct Listener {
+    /// Link of the turns, which are locked only for bytes of this link.
+    link: usize,
+    turns: Shared<Turns>,
+}
 
 impl Tap for Listener {
     fn record(&mut self, _: usize, _: Direction, _: Side, _: Instant, _: &[u8]) {}
 
     fn arrived(&mut self, link: usize, direction: Direction, delivery: &Delivery) {
-        let mut turns = self.0.lock();
-        if direction == Direction::ToMaster && link == turns.link {
+        if direction == Direction::ToMaster && link == self.link {
+            let mut turns = self.turns.lock();
             let turn = turns.decoder.push(&delivery.bytes);
             turns.damaged += u64::from(is_damaged(delivery) && !delivery.bytes.is_empty());
             turns.count += u64::from(turn.is_some_and(|beams| !beams.is_empty()));

@@ -122,7 +122,7 @@ impl MovesOnSoundOrders {
         });
         let ear = ear.map(Shared::new);
         if let Some(ear) = &ear {
-            rig.add_tap(Box::new(Listener(ear.clone())));
+            rig.add_tap(Box::new(Listener::of(ear)));
         }
         Self {
             ear,
@@ -149,14 +149,27 @@ impl MovesOnSoundOrders {
     }
 }
 
-struct Listener(Shared<Ear>);
+struct Listener {
+    /// Link of the ear, which is locked only for bytes of this link.
+    link: usize,
+    ear: Shared<Ear>,
+}
+
+impl Listener {
+    fn of(ear: &Shared<Ear>) -> Self {
+        Self {
+            link: ear.lock().link,
+            ear: ear.clone(),
+        }
+    }
+}
 
 impl Tap for Listener {
     fn record(&mut self, _: usize, _: Direction, _: Side, _: Instant, _: &[u8]) {}
 
     fn arrived(&mut self, link: usize, direction: Direction, delivery: &Delivery) {
-        let mut ear = self.0.lock();
-        if direction == Direction::ToMaster && link == ear.link {
+        if direction == Direction::ToMaster && link == self.link {
+            let mut ear = self.ear.lock();
             let at = delivery.at;
             let mut found = Vec::new();
             // A receiver discards a frame that a pause splits.
@@ -235,7 +248,7 @@ impl Checker for MovesOnSoundOrders {
             Shared::new(ear)
         });
         if let Some(ear) = &ear {
-            rig.add_tap(Box::new(Listener(ear.clone())));
+            rig.add_tap(Box::new(Listener::of(ear)));
         }
         Some(Box::new(Self {
             ear,

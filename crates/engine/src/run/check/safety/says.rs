@@ -109,19 +109,32 @@ struct Ear {
 impl Ear {
     fn listening(self, rig: &mut Rig) -> Shared<Self> {
         let ear = Shared::new(self);
-        rig.add_tap(Box::new(Listener(ear.clone())));
+        rig.add_tap(Box::new(Listener::of(&ear)));
         ear
     }
 }
 
-struct Listener(Shared<Ear>);
+struct Listener {
+    /// Link of the ear, which is locked only for bytes of this link.
+    link: usize,
+    ear: Shared<Ear>,
+}
+
+impl Listener {
+    fn of(ear: &Shared<Ear>) -> Self {
+        Self {
+            link: ear.lock().link,
+            ear: ear.clone(),
+        }
+    }
+}
 
 impl Tap for Listener {
     fn record(&mut self, _: usize, _: Direction, _: Side, _: Instant, _: &[u8]) {}
 
     fn arrived(&mut self, link: usize, direction: Direction, delivery: &Delivery) {
-        let mut ear = self.0.lock();
-        if direction == Direction::ToMaster && link == ear.link {
+        if direction == Direction::ToMaster && link == self.link {
+            let mut ear = self.ear.lock();
             ear.frames += ear.counter.push(&delivery.bytes).frames;
         }
     }
