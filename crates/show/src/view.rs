@@ -16,7 +16,8 @@ pub(crate) fn base64(bytes: &[u8]) -> String {
     const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let letters = |[a, b, c]: [u8; 3]| {
         let bits = u32::from_be_bytes([0, a, b, c]);
-        [18, 12, 6, 0].map(|shift| LETTERS[(bits >> shift & 63) as usize])
+        let letter = |shift: u32| LETTERS[(bits >> shift & 63) as usize];
+        [letter(18), letter(12), letter(6), letter(0)]
     };
     let (groups, rest) = bytes.as_chunks();
     let mut out = vec![0; 4 * groups.len()];

@@ -172,13 +172,27 @@ fn map_shades(map: MapView<'_>) -> Vec<u8> {
     let mut out = Vec::with_capacity(cells.len() / 4);
     let mut rest = cells;
     while let [first, behind @ ..] = rest {
-        let shade = first >> 4;
-        let alike = |cell: &&u8| **cell >> 4 == shade;
-        let more = behind.iter().take(15).take_while(alike).count();
-        out.push(u8::try_from(more).expect("at most 15") << 4 | shade);
+        let more = alike(*first, behind).min(15);
+        out.push(u8::try_from(more).expect("at most 15") << 4 | first >> 4);
         rest = &behind[more..];
     }
     out
+}
+
+/// Number of the first of `cells` with the same upper half as `cell`; counts up to 16.
+fn alike(cell: u8, cells: &[u8]) -> usize {
+    const UPPER: u128 = u128::from_le_bytes([0xF0; 16]);
+    match cells.first_chunk() {
+        // Sixteen cells are compared at once.
+        Some(next) => {
+            let differs = u128::from_le_bytes(*next) ^ u128::from_le_bytes([cell; 16]);
+            (differs & UPPER).trailing_zeros() as usize / 8
+        }
+        None => cells
+            .iter()
+            .take_while(|next| **next >> 4 == cell >> 4)
+            .count(),
+    }
 }
 
 /// A lane; counts that are all zero are left out.
@@ -253,4 +267,34 @@ fn marks(outcome: &Outcome, events: &[&Logged]) -> Vec<Value> {
     marks
         .map(|(at, kind)| json!({"at": at, "kind": kind}))
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// The comparison of sixteen cells at once counts as one cell after the other does.
+        #[test]
+        fn runs_of_shades_are_those_of_single_cells(
+            runs in proptest::collection::vec((0_u8.., 1_usize..40), 0..20),
+            noise in 0_u8..16,
+        ) {
+            let cells = runs.iter().flat_map(|&(cell, count)| vec![cell; count]);
+            let cells: Vec<u8> = cells.enumerate().map(|(at, cell)| {
+                if at % 3 == 0 { cell ^ noise } else { cell }
+            }).collect();
+            let map = MapView::new(cells.len(), 20.0, [0.0; 2], &cells);
+            let mut plain = Vec::new();
+            let mut rest = &cells[..];
+            while let [first, behind @ ..] = rest {
+                let more = behind.iter().take(15).take_while(|next| **next >> 4 == first >> 4);
+                let more = more.count();
+                plain.push(u8::try_from(more).unwrap() << 4 | first >> 4);
+                rest = &behind[more..];
+            }
+            prop_assert_eq!(map_shades(map), plain);
+        }
+    }
 }
