@@ -405,6 +405,12 @@ fn about_entries() -> Result<Rules, seccompiler::BackendError> {
 fn put_on_filter(
     stopped: fn() -> Result<Rules, seccompiler::BackendError>,
 ) -> Result<(), seccompiler::Error> {
+    seccompiler::apply_filter(&filter_of(stopped)?)
+}
+
+fn filter_of(
+    stopped: fn() -> Result<Rules, seccompiler::BackendError>,
+) -> Result<BpfProgram, seccompiler::Error> {
     let filter = SeccompFilter::new(
         stopped()?,
         SeccompAction::Allow,
@@ -420,7 +426,21 @@ fn put_on_filter(
             step.k = told;
         }
     }
-    seccompiler::apply_filter(&program)
+    Ok(program)
+}
+
+/// The filter of a program in virtual time, in the kernel's format.
+#[cfg(test)]
+pub(super) fn filter() -> Vec<[u8; 8]> {
+    let program = filter_of(all_stopped).expect("valid");
+    let bytes = program.iter().map(|step| {
+        let mut bytes = [0; 8];
+        bytes[..2].copy_from_slice(&step.code.to_ne_bytes());
+        (bytes[2], bytes[3]) = (step.jt, step.jf);
+        bytes[4..].copy_from_slice(&step.k.to_ne_bytes());
+        bytes
+    });
+    bytes.collect()
 }
 
 #[cfg(test)]

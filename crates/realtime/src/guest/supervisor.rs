@@ -198,15 +198,19 @@ fn take_over(root: i32) -> Result<(), GuestError> {
     if status.is_none_or(is_death) {
         return Err(GuestError::NotTraced);
     }
-    let options = Options::PTRACE_O_TRACESECCOMP
-        | Options::PTRACE_O_TRACECLONE
-        | Options::PTRACE_O_TRACEFORK
-        | Options::PTRACE_O_TRACEVFORK
-        | Options::PTRACE_O_TRACEVFORKDONE
-        | Options::PTRACE_O_TRACEEXEC
-        | Options::PTRACE_O_TRACESYSGOOD
-        | Options::PTRACE_O_EXITKILL;
-    ptrace::setoptions(root, options).map_err(|_| GuestError::NotTraced)
+    ptrace::setoptions(root, options()).map_err(|_| GuestError::NotTraced)
+}
+
+/// The events of a program that stop it, in addition to its signals.
+pub(super) const fn options() -> Options {
+    Options::PTRACE_O_TRACESECCOMP
+        .union(Options::PTRACE_O_TRACECLONE)
+        .union(Options::PTRACE_O_TRACEFORK)
+        .union(Options::PTRACE_O_TRACEVFORK)
+        .union(Options::PTRACE_O_TRACEVFORKDONE)
+        .union(Options::PTRACE_O_TRACEEXEC)
+        .union(Options::PTRACE_O_TRACESYSGOOD)
+        .union(Options::PTRACE_O_EXITKILL)
 }
 
 impl Supervisor {

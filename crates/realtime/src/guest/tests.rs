@@ -1,6 +1,8 @@
 //! Parts of the tests of guests: memory of this very process in place of a guest's, and a process
 //! that stands.
 
+pub(super) mod program;
+
 use std::os::unix::process::CommandExt as _;
 use std::process::{Child, Command, Stdio};
 
@@ -9,6 +11,7 @@ use nix::sys::ptrace::{self, Options};
 use nix::unistd::Pid;
 use rustix::process::WaitOptions;
 
+use super::inject::Hands;
 use super::memory::Memory;
 use super::news::wait;
 
@@ -98,6 +101,14 @@ impl Stopped {
         Self::of(sleep.stdout(Stdio::null()).stderr(Stdio::null()))
     }
 
+    /// With stops at the beginning and the end of its calls.
+    pub(super) fn that_calls() -> Self {
+        let stopped = Self::new();
+        let options = Options::PTRACE_O_TRACESYSGOOD | Options::PTRACE_O_TRACESECCOMP;
+        ptrace::setoptions(stopped.pid, options).expect("it stands");
+        stopped
+    }
+
     fn of(command: &mut Command) -> Self {
         let child = command.spawn();
         let child = child.expect("each system has it");
@@ -137,6 +148,97 @@ impl Stopped {
             registers.orig_rax = u64::MAX;
         });
         at
+    }
+
+    /// It makes a call, and stands where it stood; the kernel's result.
+    pub(super) fn makes(&self, number: i64, args: &[u64]) -> i64 {
+        let registers = self.registers();
+        let mut hands = Hands::of(self.pid, registers).expect("it has a place for calls");
+        let result = hands.call(number, args).expect("it stands");
+        ptrace::setregs(self.pid, registers).expect("it stands");
+        result
+    }
+
+    /// Lets it run on one processor only. Otherwise, the system writes the number of another one
+    /// into its memory (rseq(2)).
+    pub(super) fn stays_on_one_processor(&self) {
+        const LEN: u64 = 128;
+        let place = self.registers().rsp - 2_048;
+        let mut set = [0; LEN as usize];
+        let memory = Memory(self.pid);
+        memory.write(place, &set).expect("its stack");
+        assert!(self.makes(nix::libc::SYS_sched_getaffinity, &[0, LEN, place]) > 0);
+        memory.read(place, &mut set).expect("its stack");
+        let first = set.iter().position(|&byte| byte != 0).expect("one");
+        let byte = 1 << set[first].trailing_zeros();
+        set = [0; LEN as usize];
+        set[first] = byte;
+        memory.write(place, &set).expect("its stack");
+        assert_eq!(
+            self.makes(nix::libc::SYS_sched_setaffinity, &[0, LEN, place]),
+            0
+        );
+    }
+
+    /// Lets a filter stop it at these calls, as a program in virtual time.
+    pub(super) fn filters(&self, calls: &[i64]) {
+        // linux/filter.h, linux/seccomp.h: load the number; the verdict is to trace if it is equal
+        // to one of these, and to allow the call otherwise.
+        let instruction = |code: u16, if_equal: u8, value: u32| {
+            let mut bytes = [0; 8];
+            bytes[..2].copy_from_slice(&code.to_ne_bytes());
+            bytes[2] = if_equal;
+            bytes[4..].copy_from_slice(&value.to_ne_bytes());
+            bytes
+        };
+        let mut filter = vec![instruction(0x20, 0, 0)];
+        for (index, &call) in calls.iter().enumerate() {
+            let behind = u8::try_from(calls.len() - index).expect("some");
+            let call = u32::try_from(call).expect("a number");
+            filter.push(instruction(0x15, behind, call));
+        }
+        filter.push(instruction(0x06, 0, 0x7FFF_0000));
+        filter.push(instruction(0x06, 0, 0x7FF0_0000));
+        self.gets_filter(&filter);
+    }
+
+    /// Gets a filter of its calls, in the kernel's format.
+    pub(super) fn gets_filter(&self, filter: &[[u8; 8]]) {
+        let place = self.registers().rsp - 16_384;
+        let head = [filter.len() as u64, place + 16];
+        for (at, bytes) in [
+            (place, head.map(u64::to_ne_bytes).as_flattened()),
+            (place + 16, filter.as_flattened()),
+        ] {
+            Memory(self.pid).write(at, bytes).expect("its stack");
+        }
+        // PR_SET_NO_NEW_PRIVS, and PR_SET_SECCOMP with SECCOMP_MODE_FILTER.
+        assert_eq!(self.makes(157, &[38, 1]), 0);
+        assert_eq!(self.makes(157, &[22, 2, place]), 0);
+    }
+
+    /// It begins a call, and stands at the filter. Its instruction is at the returned address.
+    pub(super) fn begins(&self, number: i64, args: &[u64]) -> u64 {
+        let at = self.runs(&[0x0F, 0x05, 0xCC]);
+        let arg = |index: usize| args.get(index).copied().unwrap_or(0);
+        self.change(|registers| {
+            registers.rax = number.cast_unsigned();
+            registers.rdi = arg(0);
+            registers.rsi = arg(1);
+            registers.rdx = arg(2);
+            registers.r10 = arg(3);
+            registers.r8 = arg(4);
+            registers.r9 = arg(5);
+        });
+        assert_eq!(self.goes_on() >> 16, nix::libc::PTRACE_EVENT_SECCOMP);
+        at
+    }
+
+    /// Lets the kernel execute the call that it has begun; the result.
+    pub(super) fn ends_call(&self) -> i64 {
+        ptrace::syscall(self.pid, None).expect("it stands");
+        wait(Some(self.pid), WaitOptions::empty()).expect("it stops");
+        self.registers().rax.cast_signed()
     }
 
     /// Lets it go on up to its next stop; the system's status.

@@ -243,6 +243,12 @@ impl Bench {
 /// A folder that goes with its bench.
 pub(in crate::guest) struct Folder(PathBuf);
 
+impl Folder {
+    pub(in crate::guest) fn path(&self) -> &Path {
+        &self.0
+    }
+}
+
 impl Drop for Folder {
     fn drop(&mut self) {
         let _ = std::fs::remove_dir_all(&self.0);
@@ -490,4 +496,27 @@ pub(in crate::guest) fn is_ready(supervisor: &mut Supervisor, tid: i32) {
 pub(in crate::guest) fn step_of(supervisor: &Supervisor) -> Option<(i32, core::ops::Range<u64>)> {
     let step = supervisor.debugging.as_ref()?.step.as_ref()?;
     Some((step.tid, step.within.clone()))
+}
+
+/// The debugger holds this thread; it goes on first.
+pub(in crate::guest) fn holds(supervisor: &mut Supervisor, tid: i32) {
+    let debugging = supervisor.debugging.as_mut().expect("begun");
+    debugging.held = Some((tid, Next::Go(None)));
+}
+
+/// The debugger holds no thread any more.
+pub(in crate::guest) fn lets_go(supervisor: &mut Supervisor) {
+    supervisor.debugging.as_mut().expect("begun").held = None;
+}
+
+/// The launcher `root` takes the place of the process of this test.
+pub(in crate::guest) fn adopts(bench: &mut Bench, root: Pid) {
+    let supervisor = &mut bench.supervisor;
+    supervisor.threads.clear();
+    supervisor.processes.clear();
+    supervisor.queue.clear();
+    supervisor.born = [0; 2];
+    supervisor.roots.insert(root.as_raw(), None);
+    supervisor.launchers.insert(root.as_raw());
+    supervisor.add_thread(root, root, None);
 }

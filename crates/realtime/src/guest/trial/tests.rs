@@ -45,6 +45,14 @@ pub(in crate::guest) fn trial_of(bench: Bench) -> (Trial, Folder) {
     (trial, folder)
 }
 
+/// A trial of the program whose launcher is `root`, at the beginning of its rig's time.
+pub(in crate::guest) fn trial_of_program(bench: Bench, root: i32) -> (Trial, Folder) {
+    let (mut trial, folder) = trial_of(bench);
+    trial.programs = vec![started("one", root, None)];
+    trial.begin();
+    (trial, folder)
+}
+
 fn started(name: &str, root: i32, ended: Option<(Ended, u64)>) -> Started {
     Started {
         name: name.to_owned(),

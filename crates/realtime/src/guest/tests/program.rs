@@ -1,0 +1,146 @@
+//! A program of a few instructions, without a C library, that runs in virtual time: each run of it
+//! executes the same instructions at the same addresses.
+
+use nix::libc;
+use nix::sys::ptrace;
+
+use super::Stopped;
+use crate::guest::memory::Memory;
+use crate::guest::supervisor::tests::{Bench, adopts};
+
+/// Address of its data, which have 256 bytes, of its first instruction, and of memory with zeros.
+pub(in crate::guest) const DATA: u32 = 0x40_0078;
+pub(in crate::guest) const ENTRY: u64 = 0x40_0178;
+pub(in crate::guest) const ZEROS: u32 = 0x40_2000;
+
+/// `mov` of a number to rax, rdi, rsi, rdx, r10 and r8, then `syscall` (Intel's manual, volume 2).
+pub(in crate::guest) fn call(number: i64, args: &[u32]) -> Vec<u8> {
+    const MOVES: [&[u8]; 5] = [
+        &[0xBF],
+        &[0xBE],
+        &[0xBA],
+        &[0x49, 0xC7, 0xC2],
+        &[0x49, 0xC7, 0xC0],
+    ];
+    let number = u32::try_from(number).expect("a number");
+    let mut code = vec![0xB8];
+    code.extend(number.to_le_bytes());
+    for (to, value) in MOVES.iter().zip(args) {
+        code.extend(*to);
+        code.extend(value.to_le_bytes());
+    }
+    code.extend([0x0F, 0x05]);
+    code
+}
+
+/// `exit_group`.
+pub(in crate::guest) fn exit(code: u32) -> Vec<u8> {
+    call(libc::SYS_exit_group, &[code])
+}
+
+/// An executable file (elf(5)) with these data and this code.
+fn executable(data: &[u8], code: &[u8]) -> Vec<u8> {
+    assert!(data.len() <= 256 && code.len() <= 4_096);
+    let len = 0x178 + code.len() as u64;
+    // The class, 64 bits; an executable for x86-64; its entry, and one header of 56 bytes.
+    let mut file = b"\x7FELF\x02\x01\x01".to_vec();
+    file.resize(16, 0);
+    let half = |file: &mut Vec<u8>, value: u16| file.extend(value.to_le_bytes());
+    half(&mut file, 2);
+    half(&mut file, 0x3E);
+    file.extend(1_u32.to_le_bytes());
+    for word in [ENTRY, 64, 0] {
+        file.extend(word.to_le_bytes());
+    }
+    file.extend([0; 4]);
+    for value in [64, 56, 1, 0, 0, 0] {
+        half(&mut file, value);
+    }
+    // A segment to load that can be executed, written and read, with 16 KiB of memory.
+    file.extend([1_u32, 7].map(u32::to_le_bytes).as_flattened());
+    for word in [0, 0x40_0000, 0x40_0000, len, 0x4000, 0x1000] {
+        file.extend(word.to_le_bytes());
+    }
+    file.extend(data);
+    file.resize(0x178, 0);
+    file.extend(code);
+    file
+}
+
+/// Lets a process of the bench become a program with these data and this code, as a launcher does:
+/// it stands before that, and is the bench's only process. Its file has the name "program".
+pub(in crate::guest) fn starts(bench: &mut Bench, data: &[u8], code: &[u8]) -> Stopped {
+    let process = Stopped::in_group_of_its_own();
+    let pid = process.pid;
+    ptrace::setoptions(pid, crate::guest::supervisor::options()).expect("it stands");
+    let place = process.registers().rsp - 16_384;
+    let memory = Memory(pid);
+    let path = bench.folder.path().join("program");
+    let path = path.to_str().expect("a plain name");
+    let file = executable(data, code);
+    let name = [path.as_bytes(), &[0]].concat();
+    // The path, its address as the only argument, and no variable.
+    memory.write(place, &name).expect("its stack");
+    let words = [place, 0].map(u64::to_ne_bytes);
+    memory
+        .write(place + 4_096, words.as_flattened())
+        .expect("its stack");
+    // The process itself writes the file: a file that this process has open for writing, or a child
+    // of another test, could not be executed.
+    let opened = process.makes(libc::SYS_open, &[place, 0o1101, 0o755]);
+    let opened = u64::try_from(opened).expect("a new file");
+    for (index, piece) in file.chunks(2_048).enumerate() {
+        memory.write(place + 8_192, piece).expect("its stack");
+        let args = [opened, place + 8_192, piece.len() as u64];
+        let written = process.makes(libc::SYS_write, &args);
+        assert_eq!(usize::try_from(written), Ok(piece.len()), "{index}");
+    }
+    assert_eq!(process.makes(libc::SYS_close, &[opened]), 0);
+    // Nothing of its output: 0, 1 and 2 are those of this process.
+    // ADDR_NO_RANDOMIZE; PR_SET_TSC with PR_TSC_SIGSEGV.
+    process.makes(libc::SYS_personality, &[0x4_0000]);
+    process.makes(libc::SYS_prctl, &[26, 2]);
+    process.gets_filter(&crate::guest::launch::filter());
+    memory.write(place, &name).expect("its stack");
+    memory
+        .write(place + 4_096, words.as_flattened())
+        .expect("its stack");
+    process.runs(&[0x0F, 0x05, 0xCC]);
+    process.change(|registers| {
+        registers.rax = libc::SYS_execve.cast_unsigned();
+        registers.rdi = place;
+        registers.rsi = place + 4_096;
+        registers.rdx = place + 4_104;
+    });
+    adopts(bench, pid);
+    process
+}
+
+/// A program runs to its end: what the supervisor knows of it then.
+fn runs(data: &[u8], code: &[u8]) -> Bench {
+    let mut bench = Bench::new();
+    let process = starts(&mut bench, data, code);
+    for _ in 0..2_000 {
+        if bench.supervisor.have_all_ended() {
+            break;
+        }
+        bench.supervisor.turn().expect("it is supervised");
+    }
+    let status = bench.supervisor.status(process.pid.as_raw());
+    bench.tid = status.expect("it has ended");
+    core::mem::forget(process);
+    bench
+}
+
+/// The status of a process with a code has it in its second byte (wait(2)).
+#[test]
+fn a_program_in_virtual_time_ends_with_its_code() {
+    let bench = runs(&[], &exit(3));
+    assert_eq!(bench.tid, 3 << 8);
+    assert!(
+        bench.supervisor.notes().is_empty(),
+        "{:?}",
+        bench.supervisor.notes()
+    );
+    assert!(!bench.supervisor.is_anybody_there());
+}
