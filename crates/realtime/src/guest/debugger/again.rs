@@ -125,6 +125,7 @@ impl Session<'_> {
             if let Some(debugging) = self.supervisor().debugging() {
                 debugging.set_goal(Some(goal));
             }
+            self.leave_break(walk.steps)?;
             let is_there = self.pass(walk, seen, &mut |_, stop| {
                 matches!(stop, Stop::Reached(_)).then_some(true)
             })?;
@@ -132,19 +133,22 @@ impl Session<'_> {
                 return Ok(false);
             }
         }
+        let mut before = None;
         for (index, leg) in walk.to.legs.iter().enumerate() {
             let is_last = index + 1 == walk.to.legs.len();
-            if !self.walk_leg(walk, leg, is_last, seen)? {
+            if !self.walk_leg(walk, (before, leg), is_last, seen)? {
                 return Ok(false);
             }
+            before = Some(leg);
         }
         Ok(true)
     }
 
+    /// Runs a part of the path, behind the part `before`.
     fn walk_leg(
         &mut self,
         walk: &Walk<'_>,
-        leg: &Leg,
+        (before, leg): (Option<&Leg>, &Leg),
         is_last: bool,
         seen: &mut dyn FnMut(&Place, Seen),
     ) -> Result<bool, GuestError> {
@@ -161,6 +165,12 @@ impl Session<'_> {
                 let others = others.filter(|it| !watches.contains(it));
                 marks.watches = watches.iter().copied().chain(others).take(4).collect();
                 self.set_marks(&marks);
+                // A single step may lead to a breakpoint of this leg: then it is hit at once.
+                let held = self.held_thread().map(|held| self.instruction_of(held));
+                let is_at_hit = held.is_some_and(|at| breaks.contains(&at));
+                if !(is_at_hit && matches!(before, Some(Leg::Steps { .. }))) {
+                    self.leave_break(walk.steps)?;
+                }
                 let mut left = *count;
                 let found = self.pass(walk, seen, &mut |session, stop| {
                     let is_hit = match stop {
@@ -185,6 +195,7 @@ impl Session<'_> {
                 Ok(true)
             }
             Leg::Signals(count) => {
+                self.leave_break(walk.steps)?;
                 let mut left = *count;
                 self.pass(walk, seen, &mut |_, stop| {
                     left -= u64::from(matches!(stop, Stop::Signal(..)));
@@ -202,7 +213,6 @@ impl Session<'_> {
         seen: &mut dyn FnMut(&Place, Seen),
         is_there: &mut dyn FnMut(&Self, Stop) -> Option<bool>,
     ) -> Result<bool, GuestError> {
-        self.leave_break(walk.steps)?;
         loop {
             if let Some(thread) = walk.steps {
                 self.set_step_of(thread);
@@ -223,7 +233,11 @@ impl Session<'_> {
                 Stop::Break(tid) if walk.marks.breaks.contains(&self.instruction_of(tid)) => {
                     seen(&place, Seen::Break);
                 }
-                Stop::Watch(_, address) => seen(&place, Seen::Watch(address)),
+                Stop::Watch(_, address)
+                    if walk.marks.watches.iter().any(|it| it.address == address) =>
+                {
+                    seen(&place, Seen::Watch(address));
+                }
                 // The thread has made too many single steps.
                 Stop::Step(_) => return Ok(false),
                 _ => {}
@@ -238,12 +252,10 @@ impl Session<'_> {
     }
 
     /// Lets a thread at a breakpoint execute the instruction under it.
-    fn leave_break(&mut self, keeps_stepping: Option<u32>) -> Result<(), GuestError> {
-        let held = self
-            .supervisor()
-            .debugging()
-            .and_then(|it| it.held_thread());
-        let Some(held) = held else { return Ok(()) };
+    pub(super) fn leave_break(&mut self, keeps_stepping: Option<u32>) -> Result<(), GuestError> {
+        let Some(held) = self.held_thread() else {
+            return Ok(());
+        };
         let at = self.instruction_of(held);
         if !self.supervisor().has_break(at) {
             return Ok(());
@@ -257,8 +269,12 @@ impl Session<'_> {
         Ok(())
     }
 
+    fn held_thread(&mut self) -> Option<i32> {
+        self.supervisor().debugging()?.held_thread()
+    }
+
     /// Executes one instruction of the held thread, or less if the thread stops before its end.
-    fn step_held(&mut self, tid: i32) -> Result<(), GuestError> {
+    pub(super) fn step_held(&mut self, tid: i32) -> Result<(), GuestError> {
         if let Some(debugging) = self.supervisor().debugging() {
             debugging.set_step(Some(Step { tid, within: 0..0 }));
         }
@@ -274,7 +290,7 @@ impl Session<'_> {
 
     /// Executes one instruction of a thread, whatever the others do meanwhile; returns whether it
     /// was executed.
-    fn single_step(
+    pub(super) fn single_step(
         &mut self,
         thread: u32,
         seen: &mut dyn FnMut(&Place, Seen),
@@ -322,7 +338,7 @@ impl Session<'_> {
         Ok(true)
     }
 
-    fn set_step_of(&mut self, thread: u32) {
+    pub(super) fn set_step_of(&mut self, thread: u32) {
         let tid = self.tid_by_index(thread);
         if let Some(debugging) = self.supervisor().debugging() {
             let step = |tid| Step {
@@ -345,7 +361,7 @@ impl Session<'_> {
         registers.map_or(0, |(own, _)| own.rip)
     }
 
-    fn note_current(&mut self, stop: Stop) {
+    pub(super) fn note_current(&mut self, stop: Stop) {
         match stop {
             Stop::Loaded(tid)
             | Stop::Break(tid)
