@@ -249,6 +249,8 @@ const fn undisturbed(registers: libc::user_regs_struct) -> libc::user_regs_struc
 mod tests {
     use super::*;
 
+    use crate::guest::tests::Stopped;
+
     /// What the kernel keeps of an action: handler, flags, restorer, mask, in this order.
     #[test]
     fn an_action_is_four_words() {
@@ -314,5 +316,199 @@ mod tests {
         }
         assert_eq!(of(-1, -512), (-1, -512, 0x1000), "no call");
         assert_eq!(of(0, -512), (-1, 0, 0xFFE), "read is number 0");
+    }
+
+    /// A process that stands at a signal, and the address of its code.
+    struct AtSignal {
+        process: Stopped,
+        at: u64,
+        /// Its registers there.
+        registers: libc::user_regs_struct,
+    }
+
+    /// The parts of its code: it goes on with `nop; int3`. A handler stops at `int3` and returns.
+    const CODE: [u8; 16] = [
+        0x0F, 0x05, 0x90, 0xCC, 0, 0, 0, 0, 0xCC, 0xC3, 0xB8, 0x0F, 0, 0, 0, 0x0F,
+    ];
+    const GOES_ON: u64 = 2;
+    const HANDLER: u64 = 8;
+    /// `mov eax, 15; syscall`: rt_sigreturn.
+    const RESTORER: u64 = 10;
+    const SA_RESTORER: u64 = 0x0400_0000;
+    const MINE: i32 = 35;
+
+    impl AtSignal {
+        /// `flags` and `mask` are those of its handler; it blocks signal 40, has a handler for the
+        /// borrowed signal, and was sent the value 7 with signal 35.
+        fn new(handler: Option<u64>, flags: u64, mask: u64) -> Self {
+            let process = Stopped::that_calls();
+            let code: Vec<u8> = CODE.iter().copied().chain([0x05]).collect();
+            let at = process.runs(&code);
+            process.change(|registers| registers.rip = at + GOES_ON);
+            let it = Self {
+                registers: process.registers(),
+                process,
+                at,
+            };
+            let place = it.registers.rsp - 8_192;
+            let memory = Memory(it.process.pid);
+            let action = |number: i32, words: [u64; 4]| {
+                let bytes = words.map(u64::to_ne_bytes);
+                memory.write(place, bytes.as_flattened()).expect("stack");
+                let args = [number.unsigned_abs().into(), place, 0, 8];
+                assert_eq!(it.process.makes(libc::SYS_rt_sigaction, &args), 0);
+            };
+            let handler = handler.unwrap_or(at + HANDLER);
+            action(MINE, [handler, flags | SA_RESTORER, at + RESTORER, mask]);
+            action(16, [0x1234_5000, SA_RESTORER, at + RESTORER, 0]);
+            memory.write(place, &bit(40).to_ne_bytes()).expect("stack");
+            let args = [SIG_SETMASK, place, 0, 8];
+            assert_eq!(it.process.makes(libc::SYS_rt_sigprocmask, &args), 0);
+            // SI_QUEUE (-1), and the value behind two ids.
+            let mut info = [0_i32; 32];
+            (info[0], info[2], info[6]) = (MINE, -1, 7);
+            let bytes = info.map(i32::to_ne_bytes);
+            memory.write(place, bytes.as_flattened()).expect("stack");
+            let number = u64::from(it.process.pid.as_raw().unsigned_abs());
+            let args = [number, number, MINE.unsigned_abs().into(), place];
+            assert_eq!(it.process.makes(libc::SYS_rt_tgsigqueueinfo, &args), 0);
+            let below: Vec<u8> = (0..=255).cycle().take(8_192).collect();
+            memory.write(place, &below).expect("stack");
+            assert_eq!(Stopped::signal_of(it.process.goes_on()), MINE);
+            assert_eq!(it.process.registers().rip, at + GOES_ON);
+            it
+        }
+
+        fn delivers(&self, told: Option<&[u8]>) -> Delivered {
+            let pid = self.process.pid;
+            deliver(pid.as_raw(), pid, MINE, told)
+        }
+
+        fn blocked(&self) -> u64 {
+            let pid = self.process.pid.as_raw();
+            Pending::of(pid, pid).blocked
+        }
+
+        /// Handler, flags and mask of a signal.
+        fn action(&self, signal: u64) -> [u64; 3] {
+            let place = self.process.registers().rsp - 4_096;
+            let args = [signal, 0, place, 8];
+            assert_eq!(self.process.makes(libc::SYS_rt_sigaction, &args), 0);
+            let action = Action::read(Memory(self.process.pid), place).expect("its stack");
+            [action.handler, action.flags, action.mask]
+        }
+
+        /// Memory below its stack that was there before, in `from..to` bytes below `stack`.
+        fn is_kept(&self, stack: u64, from: u64, to: u64) {
+            let mut found = vec![0; usize::try_from(to - from).expect("some")];
+            let memory = Memory(self.process.pid);
+            memory.read(stack - to, &mut found).expect("its stack");
+            let start = stack - to - (self.registers.rsp - 8_192);
+            let expected = (start..).take(found.len());
+            let expected: Vec<u8> = expected.map(|it| it.to_le_bytes()[0]).collect();
+            assert_eq!(found, expected);
+        }
+    }
+
+    fn word(process: &Stopped, place: u64) -> u64 {
+        Memory(process.pid).u64(place).expect("its stack")
+    }
+
+    /// sigaction(2): a handler gets number, information and context. During it the signal itself,
+    /// those of the action's mask and those blocked before are blocked; after it, the last alone.
+    #[test]
+    fn a_handler_gets_a_signal_above_31() {
+        let it = AtSignal::new(None, SA_SIGINFO, bit(36));
+        assert_eq!(it.delivers(None), Delivered::Goes);
+        let now = it.process.registers();
+        assert_eq!((now.rip, now.rdi), (it.at + HANDLER, 35));
+        assert_eq!(now.orig_rax, u64::MAX, "it is in no call");
+        // Number and error, code and padding, then two ids and the value.
+        assert_eq!(word(&it.process, now.rsi), 35);
+        assert_eq!(word(&it.process, now.rsi + 8), 0xFFFF_FFFF);
+        assert_eq!(word(&it.process, now.rsi + 24), 7);
+        assert_eq!(word(&it.process, now.rdx + CONTEXT_MASK), bit(40));
+        assert_eq!(it.blocked(), bit(35) | bit(36) | bit(40));
+        it.is_kept(it.registers.rsp, 0, 128);
+        it.is_kept(now.rsp, 0, 1_024);
+        assert_eq!(it.action(16), [0x1234_5000, SA_RESTORER, 0]);
+        let expected = [it.at + HANDLER, SA_SIGINFO | SA_RESTORER, bit(36)];
+        assert_eq!(it.action(35), expected);
+        // It goes through its handler, and on from where it was.
+        assert_eq!(Stopped::signal_of(it.process.goes_on()), libc::SIGTRAP);
+        assert_eq!(it.process.registers().rip, it.at + HANDLER + 1);
+        assert_eq!(Stopped::signal_of(it.process.goes_on()), libc::SIGTRAP);
+        let end = it.process.registers();
+        assert_eq!((end.rip, end.rsp), (it.at + 4, it.registers.rsp));
+        assert_eq!((end.rdi, end.rbx), (it.registers.rdi, it.registers.rbx));
+        assert_eq!(it.blocked(), bit(40));
+    }
+
+    /// With SA_NODEFER the signal itself is not blocked; with SA_RESETHAND its handler is gone.
+    #[test]
+    fn a_handler_may_allow_its_signal_and_be_for_once() {
+        let flags = SA_NODEFER | SA_RESETHAND;
+        let it = AtSignal::new(None, flags, bit(36) | bit(37));
+        let told: Vec<u8> = vec![0xEE; 128];
+        assert_eq!(it.delivers(Some(&told)), Delivered::Goes);
+        let now = it.process.registers();
+        assert_eq!((now.rip, now.rdi), (it.at + HANDLER, 35));
+        assert_eq!(it.blocked(), bit(36) | bit(37) | bit(40));
+        assert_ne!(word(&it.process, now.rsi) & 0xFF, 0xEE, "not requested");
+        assert_eq!(it.action(35)[0], SIG_DFL);
+        assert_eq!(it.action(16), [0x1234_5000, SA_RESTORER, 0]);
+        it.is_kept(now.rsp, 0, 1_024);
+        let it = AtSignal::new(None, SA_SIGINFO | SA_NODEFER, 0);
+        assert_eq!(it.delivers(Some(&told)), Delivered::Goes);
+        let now = it.process.registers();
+        for offset in [0, 8, 120] {
+            let found = word(&it.process, now.rsi + offset);
+            assert_eq!(found.to_ne_bytes(), [0xEE; 8], "{offset}");
+        }
+        assert_eq!(it.blocked(), bit(40));
+        assert_eq!(it.action(35)[0], it.at + HANDLER, "it stays");
+    }
+
+    /// signal(7): signals above 31 end a process by default. An ignored one changes nothing.
+    #[test]
+    fn a_signal_without_a_handler_is_fatal_or_ignored() {
+        for (handler, expected) in [(SIG_DFL, Delivered::Fatal), (SIG_IGN, Delivered::Goes)] {
+            let it = AtSignal::new(Some(handler), 0, 0);
+            assert_eq!(it.delivers(None), expected);
+            let now = it.process.registers();
+            assert_eq!((now.rip, now.rdi), (it.at + GOES_ON, it.registers.rdi));
+            assert_eq!((now.rsp, it.blocked()), (it.registers.rsp, bit(40)));
+            it.is_kept(it.registers.rsp, 0, 1_024);
+            assert_eq!(it.action(16)[0], 0x1234_5000);
+            assert_eq!(Stopped::signal_of(it.process.goes_on()), libc::SIGTRAP);
+            assert_eq!(it.process.registers().rip, it.at + 4);
+        }
+    }
+
+    /// Another signal that comes meanwhile, SIGWINCH (28), is sent again.
+    #[test]
+    fn another_signal_is_not_lost_by_a_delivery() {
+        use nix::sys::signal::kill;
+
+        for (handler, expected) in [(None, Delivered::Goes), (Some(SIG_DFL), Delivered::Fatal)] {
+            let it = AtSignal::new(handler, SA_SIGINFO, 0);
+            kill(it.process.pid, Signal::SIGWINCH).expect("ours");
+            assert_eq!(it.delivers(None), expected);
+            let pid = it.process.pid.as_raw();
+            let pending = Pending::of(pid, pid);
+            assert_eq!(pending.own | pending.common, bit(28));
+        }
+    }
+
+    /// A stack pointer may be anything, and a process may be gone.
+    #[test]
+    fn a_signal_is_refused_without_a_stack() {
+        let it = AtSignal::new(None, SA_SIGINFO, 0);
+        for stack in [0, 200, 4_096] {
+            it.process.change(|registers| registers.rsp = stack);
+            assert_eq!(it.delivers(None), Delivered::Refused, "{stack}");
+        }
+        let nobody = Pid::from_raw(-7);
+        assert_eq!(deliver(-7, nobody, MINE, None), Delivered::Refused);
     }
 }

@@ -75,13 +75,13 @@ impl Session<'_> {
     }
 
     /// Runs again to `place`; returns whether this run reached it as the run before.
-    fn arrive(&mut self, place: &Place) -> Result<bool, GuestError> {
+    pub(super) fn arrive(&mut self, place: &Place) -> Result<bool, GuestError> {
         let found = self.go_to(place)?;
         Ok(self.is_as_before(found, place))
     }
 
     /// Whether this run reached `place` as the run before. If not, the debugger will be told.
-    fn is_as_before(&mut self, found: bool, place: &Place) -> bool {
+    pub(super) fn is_as_before(&mut self, found: bool, place: &Place) -> bool {
         let is_it = found && self.place().moment == place.moment;
         if !is_it && (self.goes_on)() && !self.is_broken_off {
             self.has_missed = true;
@@ -148,7 +148,11 @@ impl Session<'_> {
     }
 
     /// The place one instruction of `thread` before `here`.
-    fn predecessor(&mut self, here: &Place, thread: u32) -> Result<Option<Place>, GuestError> {
+    pub(super) fn predecessor(
+        &mut self,
+        here: &Place,
+        thread: u32,
+    ) -> Result<Option<Place>, GuestError> {
         if let Some(place) = here.one_step_less(thread) {
             return Ok(Some(place));
         }

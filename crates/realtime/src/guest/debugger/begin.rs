@@ -139,7 +139,7 @@ impl Session<'_> {
     }
 
     /// Runs to the signal with this number, counted from the start.
-    fn reach_signal(&mut self, number: u64) -> Result<bool, GuestError> {
+    pub(super) fn reach_signal(&mut self, number: u64) -> Result<bool, GuestError> {
         let mut left = number;
         loop {
             match self.run_until_event()? {

@@ -1,5 +1,7 @@
 //! A session whose debugged process stands, and which no debugger has connected to.
 
+mod replays;
+
 use core::cell::RefCell;
 use core::num::NonZeroUsize;
 
@@ -14,8 +16,11 @@ use gdbstub::target::ext::exec_file::ExecFile as _;
 use gdbstub::target::ext::thread_extra_info::ThreadExtraInfo as _;
 use gdbstub_arch::x86::reg::X86_64CoreRegs;
 
+use super::again::{Seen, Walk};
 use super::*;
-use crate::guest::supervisor::tests::{Bench, debugs};
+use crate::guest::place::{Leg, Moment, Place};
+use crate::guest::supervisor::tests::{Bench, debugs, holds, step_of};
+use crate::guest::supervisor::{Goal, Watchpoint};
 use crate::guest::tests::Stopped;
 use crate::guest::trial::tests::trial_of;
 
@@ -194,7 +199,7 @@ fn watched_memory_takes_registers() {
 fn a_thread_goes_on_as_the_debugger_wants() {
     session(|it, stopped| {
         let pid = stopped.pid.as_raw();
-        let step = |it: &mut Session<'_>| crate::guest::supervisor::tests::step_of(it.supervisor());
+        let step = |it: &mut Session<'_>| step_of(it.supervisor());
         it.reverse_step(tid(2)).expect("kept");
         assert_eq!(it.back, Some(Back::Step(tid(2))));
         it.reverse_cont().expect("kept");
@@ -299,5 +304,333 @@ fn the_rig_answers_while_the_program_stands() {
             "fault add kind=\"silence\" link=\"sonar\" at=\"1s\"",
             "",
         );
+    });
+}
+
+/// Code of a loop: four `nop` and `jmp -6`.
+const LOOP: [u8; 6] = [0x90, 0x90, 0x90, 0x90, 0xEB, 0xFA];
+
+/// Runs `test` in a session whose held thread, number 1 by birth, stands at `code`.
+fn session_at(code: &[u8], test: impl FnOnce(&mut Session<'_>, &Stopped, u64)) {
+    session(|it, stopped| {
+        let at = stopped.runs(code);
+        holds(it.supervisor(), stopped.pid.as_raw());
+        test(it, stopped, at);
+    });
+}
+
+const fn steps(count: u64) -> Leg {
+    Leg::Steps { thread: 1, count }
+}
+
+fn hits(address: u64, count: u64) -> Leg {
+    Leg::Hits {
+        breaks: vec![address],
+        watches: Vec::new(),
+        count,
+    }
+}
+
+fn place(legs: &[Leg]) -> Place {
+    Place {
+        moment: Moment::default(),
+        legs: legs.to_vec(),
+    }
+}
+
+fn breaks(addresses: &[u64]) -> Marks {
+    Marks {
+        breaks: addresses.to_vec(),
+        watches: Vec::new(),
+    }
+}
+
+/// Walks to a place; whether it was reached, and the observations on the path.
+fn walks(
+    it: &mut Session<'_>,
+    to: &Place,
+    marks: &Marks,
+    steps: Option<u32>,
+) -> (bool, Vec<(Place, Seen)>) {
+    let mut all = Vec::new();
+    let walk = Walk { to, marks, steps };
+    let found = it.walk(&walk, &mut |place, seen| all.push((place.clone(), seen)));
+    (found.expect("it is supervised"), all)
+}
+
+fn byte_at(stopped: &Stopped, address: u64) -> u8 {
+    let mut byte = [0];
+    let memory = crate::guest::memory::Memory(stopped.pid);
+    memory.read(address, &mut byte).expect("its code");
+    byte[0]
+}
+
+/// A breakpoint under the instruction is taken away for the step, and is there again (CC).
+#[test]
+fn a_thread_executes_one_instruction() {
+    session_at(&LOOP, |it, stopped, at| {
+        let pid = stopped.pid.as_raw();
+        let mut seen = 0;
+        let mut step = |it: &mut Session<'_>, thread| {
+            let done = it.single_step(thread, &mut |_, _| seen += 1);
+            (
+                done.expect("it is supervised"),
+                stopped.registers().rip - at,
+            )
+        };
+        assert_eq!(step(it, 1), (true, 1));
+        assert_eq!((it.current, step_of(it.supervisor())), (Some(pid), None));
+        assert_eq!(it.place(), place(&[steps(1)]));
+        it.supervisor().add_break_when_possible(at + 1);
+        assert_eq!(step(it, 1), (true, 2));
+        assert!(it.supervisor().has_break(at + 1));
+        assert_eq!(byte_at(stopped, at + 1), 0xCC);
+        assert_eq!(it.place(), place(&[steps(2)]));
+        assert_eq!(step(it, 9), (false, 2), "no such thread");
+        it.current = None;
+        it.step_held(pid).expect("it is supervised");
+        assert_eq!(stopped.registers().rip, at + 3);
+        assert_eq!((it.current, step_of(it.supervisor())), (Some(pid), None));
+        assert_eq!(seen, 0);
+    });
+}
+
+/// `mov edi, 3; mov eax, 231; syscall`: exit_group(3).
+#[test]
+fn a_thread_that_ends_executes_no_instruction() {
+    let code = [0xBF, 3, 0, 0, 0, 0xB8, 0xE7, 0, 0, 0, 0x0F, 0x05];
+    session_at(&code, |it, _, _| {
+        for expected in [true, true, false] {
+            let done = it.single_step(1, &mut |_, _| {});
+            assert_eq!(done.expect("it is supervised"), expected);
+        }
+    });
+}
+
+/// A held thread at a breakpoint executes the instruction under it; elsewhere it stays.
+#[test]
+fn a_thread_leaves_its_breakpoint() {
+    session_at(&LOOP, |it, stopped, at| {
+        it.supervisor().add_break_when_possible(at + 1);
+        it.leave_break(None).expect("it is supervised");
+        assert_eq!(stopped.registers().rip, at);
+        it.supervisor().add_break_when_possible(at);
+        it.leave_break(None).expect("it is supervised");
+        assert_eq!(
+            (stopped.registers().rip, byte_at(stopped, at)),
+            (at + 1, 0xCC)
+        );
+        assert_eq!(step_of(it.supervisor()), None);
+        it.leave_break(Some(1)).expect("it is supervised");
+        assert_eq!(stopped.registers().rip, at + 2);
+        let pid = stopped.pid.as_raw();
+        assert_eq!(step_of(it.supervisor()), Some((pid, 0..u64::MAX)));
+        it.supervisor().add_break_when_possible(at + 2);
+        crate::guest::supervisor::tests::lets_go(it.supervisor());
+        it.leave_break(None).expect("it is supervised");
+        assert_eq!(stopped.registers().rip, at + 2, "no thread is held");
+    });
+}
+
+/// By hand: breakpoints at the second and third instruction of a loop. The second hit of the third
+/// is the place; before it the second instruction was hit twice.
+#[test]
+fn a_walk_reports_what_it_comes_by() {
+    session_at(&LOOP, |it, stopped, at| {
+        let to = place(&[hits(at + 2, 2)]);
+        let (found, seen) = walks(it, &to, &breaks(&[at + 1]), None);
+        assert!(found);
+        let second = |count| place(&[hits(at + 1, count)]);
+        let kinds: Vec<Seen> = seen.iter().map(|(_, seen)| *seen).collect();
+        assert_eq!(kinds, [Seen::Break, Seen::Break]);
+        assert_eq!(seen[0].0, second(1));
+        assert_eq!(stopped.registers().rip, at + 2);
+        assert_eq!(it.current, Some(stopped.pid.as_raw()));
+        assert!(it.supervisor().has_break(at + 1) && !it.supervisor().has_break(at + 2));
+    });
+    // A breakpoint of the debugger at the end of a part of the path is reported, except for the
+    // last part, which is the place itself.
+    session_at(&LOOP, |it, stopped, at| {
+        let to = place(&[hits(at + 2, 1), steps(3)]);
+        let (found, seen) = walks(it, &to, &breaks(&[at + 2]), None);
+        assert_eq!((found, seen.len()), (true, 1));
+        assert_eq!(seen[0], (place(&[hits(at + 2, 1)]), Seen::Break));
+        assert_eq!(stopped.registers().rip, at, "two nop and the jump");
+        assert_eq!(it.place(), place(&[hits(at + 2, 1), steps(3)]));
+        let to = place(&[hits(at + 2, 1)]);
+        let (found, seen) = walks(it, &to, &breaks(&[at + 2]), None);
+        assert_eq!((found, seen), (true, Vec::new()));
+    });
+}
+
+/// Instructions are counted on the path, and the last one is kept.
+#[test]
+fn a_walk_may_be_one_of_single_steps() {
+    session_at(&LOOP, |it, stopped, at| {
+        let to = place(&[hits(at + 2, 1)]);
+        assert_eq!(walks(it, &to, &breaks(&[]), Some(1)), (true, Vec::new()));
+        assert_eq!(stopped.registers().rip, at + 2);
+        let debugging = it.supervisor().debugging().expect("begun");
+        assert_eq!(debugging.last_step_of(1), Some(&place(&[steps(2)])));
+        // There are not that many.
+        debugging.limit_steps(3);
+        let to = place(&[hits(at + 9, 1)]);
+        assert_eq!(walks(it, &to, &breaks(&[]), Some(1)), (false, Vec::new()));
+    });
+}
+
+/// SIGURG and SIGWINCH do nothing to a program.
+#[test]
+fn a_walk_counts_signals() {
+    use nix::sys::signal::{Signal, kill};
+
+    session_at(&LOOP, |it, stopped, at| {
+        for signal in [Signal::SIGURG, Signal::SIGWINCH] {
+            kill(stopped.pid, signal).expect("ours");
+        }
+        let to = place(&[Leg::Signals(2)]);
+        assert_eq!(walks(it, &to, &breaks(&[]), None), (true, Vec::new()));
+        assert_eq!(it.place(), to);
+        let rip = stopped.registers().rip;
+        assert!((at..at + 6).contains(&rip));
+    });
+}
+
+/// `mov [rsp], al` is 88 04 24. The trap of watched memory comes behind the instruction.
+#[test]
+fn a_walk_reports_changes_of_memory() {
+    let code = [0x90, 0x88, 0x04, 0x24, 0x90, 0x90, 0xEB, 0xF8];
+    session_at(&code, |it, stopped, at| {
+        let watch = Watchpoint {
+            address: stopped.registers().rsp & !7,
+            len: 8,
+            reads: false,
+        };
+        let marks = Marks {
+            breaks: Vec::new(),
+            watches: vec![watch],
+        };
+        let to = place(&[hits(at + 5, 2)]);
+        let (found, seen) = walks(it, &to, &marks, None);
+        let kinds: Vec<Seen> = seen.iter().map(|(_, seen)| *seen).collect();
+        assert!(found);
+        assert_eq!(kinds, [Seen::Watch(watch.address); 2]);
+        assert!(seen[0].0.is_at_watch());
+        // A path may be one of accesses.
+        let touched = Leg::Hits {
+            breaks: Vec::new(),
+            watches: vec![watch],
+            count: 3,
+        };
+        let to = place(&[touched]);
+        assert_eq!(walks(it, &to, &breaks(&[]), None), (true, Vec::new()));
+        assert_eq!(stopped.registers().rip, at + 4);
+        let debugging = it.supervisor().debugging().expect("begun");
+        assert!(debugging.watches().is_empty());
+        let single = |it: &mut Session<'_>| {
+            let mut all = Vec::new();
+            let done = it.single_step(1, &mut |_, seen| all.push(seen));
+            (done.expect("it is supervised"), all)
+        };
+        it.set_marks(&marks);
+        for expected in [at + 5, at + 6, at, at + 1] {
+            assert_eq!(single(it), (true, Vec::new()));
+            assert_eq!(stopped.registers().rip, expected);
+        }
+        assert_eq!(single(it), (true, vec![Seen::Watch(watch.address)]));
+    });
+}
+
+/// While no thread can run, each turn is one step of time, by 10 ms.
+#[test]
+fn a_session_runs_to_a_time() {
+    session(|it, _| {
+        let leaps = |it: &mut Session<'_>| it.place().moment.leaps;
+        let at = Instant::from_millis;
+        let goal = Goal::Time(at(25));
+        assert!(it.reach_goal(goal).expect("it is supervised"));
+        let (now, first) = (it.trial().now(), leaps(it));
+        assert!(now >= at(25) && first > 0, "{now}");
+        let moment = |leaps| Moment { calls: 0, leaps };
+        let goal = Goal::Moment(moment(first + 2));
+        assert!(it.reach_goal(goal).expect("it is supervised"));
+        assert_eq!(leaps(it), first + 2);
+        let mut to = place(&[]);
+        to.moment = moment(first + 5);
+        for _ in 0..2 {
+            assert_eq!(walks(it, &to, &breaks(&[]), None), (true, Vec::new()));
+            assert_eq!(leaps(it), first + 5);
+        }
+        it.goes_on = &|| false;
+        let goal = Goal::Time(at(500));
+        assert!(!it.reach_goal(goal).expect("it is supervised"));
+        assert_eq!(leaps(it), first + 5);
+        to.moment = moment(first + 9);
+        assert_eq!(walks(it, &to, &breaks(&[]), None), (false, Vec::new()));
+        it.goes_on = &|| true;
+        // The run is over after 3 s.
+        let goal = Goal::Time(at(5_000));
+        assert!(!it.reach_goal(goal).expect("it is supervised"));
+    });
+}
+
+#[test]
+fn the_current_thread_is_that_of_the_last_stop() {
+    session(|it, stopped| {
+        for (stop, expected) in [
+            (Stop::Loaded(5), Some(5)),
+            (Stop::Break(6), Some(6)),
+            (Stop::Watch(7, 1), Some(7)),
+            (Stop::Step(8), Some(8)),
+            (Stop::Signal(9, 1), Some(9)),
+            (Stop::Ended(3), Some(9)),
+            (Stop::Reached(None), Some(9)),
+            (Stop::Reached(Some(4)), Some(4)),
+        ] {
+            it.note_current(stop);
+            assert_eq!(it.current, expected, "{stop:?}");
+        }
+        let pid = stopped.pid.as_raw();
+        it.set_step_of(1);
+        assert_eq!(step_of(it.supervisor()), Some((pid, 0..u64::MAX)));
+        it.set_step_of(9);
+        assert_eq!(step_of(it.supervisor()), None);
+        assert_eq!((it.tid_by_index(1), it.tid_by_index(9)), (Some(pid), None));
+        assert_eq!(it.instruction_of(pid), stopped.registers().rip);
+        assert_eq!(it.instruction_of(-7), 0);
+    });
+}
+
+/// A place that another run did not reach is reported, unless the session is at its end.
+#[test]
+fn a_missed_place_is_reported() {
+    session(|it, _| {
+        let here = it.place();
+        let mut elsewhere = here.clone();
+        elsewhere.moment.calls += 1;
+        let missed = |it: &mut Session<'_>, found, place: &Place| {
+            let is_it = it.is_as_before(found, place);
+            (is_it, core::mem::take(&mut it.has_missed))
+        };
+        assert_eq!(missed(it, true, &here), (true, false));
+        assert_eq!(missed(it, false, &here), (false, true));
+        assert_eq!(missed(it, true, &elsewhere), (false, true));
+        it.is_broken_off = true;
+        assert_eq!(missed(it, false, &here), (false, false));
+        // A motion that is broken off does not start the program again.
+        assert!(!it.load_again().expect("nothing is started"));
+        assert!(!it.go_to(&here).expect("nothing is started"));
+        let at = Instant::from_millis(1);
+        assert!(!it.go_to_time(at).expect("nothing is started"));
+        it.is_broken_off = false;
+        it.goes_on = &|| false;
+        assert_eq!(missed(it, false, &here), (false, false));
+        // A step back over a step needs no run.
+        let stepped = place(&[hits(8, 1), steps(3)]);
+        let before = it.predecessor(&stepped, 1).expect("nothing is started");
+        assert_eq!(before, Some(place(&[hits(8, 1), steps(2)])));
+        it.is_broken_off = true;
+        let before = it.predecessor(&stepped, 2).expect("nothing is started");
+        assert_eq!((before, it.has_missed), (None, false));
     });
 }

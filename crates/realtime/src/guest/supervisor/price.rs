@@ -69,3 +69,120 @@ impl Supervisor {
         self.computing = Some(earlier.again());
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nix::libc;
+
+    use super::*;
+    use crate::exec::Cpu;
+    use crate::guest::call::Call;
+    use crate::guest::supervisor::State;
+    use crate::guest::supervisor::tests::{Bench, MS};
+
+    /// A supervisor that charges three times the processor time.
+    fn bench() -> Bench {
+        let mut bench = Bench::new();
+        bench.supervisor.computing = Computing::new(Cpu::Scale(3_000), None);
+        bench
+    }
+
+    /// 2 ms and the free 10 us.
+    const COMPUTED: Duration = Duration::from_micros(2_010);
+
+    /// The process of this test has used some time, so this much less is before.
+    fn computes(bench: &mut Bench) {
+        let tid = bench.tid;
+        let computing = bench.supervisor.computing.as_mut().expect("set");
+        let index = bench.supervisor.threads[&tid].index;
+        computing.used(index, COMPUTED);
+    }
+
+    /// By hand: 3 times 2 ms pass before the call, and once.
+    #[test]
+    fn computing_passes_before_the_next_call() {
+        let mut bench = bench();
+        let tid = bench.tid;
+        bench.begins(libc::SYS_getpid, &[]);
+        assert!(bench.supervisor.charge_computing(tid).is_none());
+        assert!(bench.supervisor.late.is_empty());
+        computes(&mut bench);
+        let flow = bench.supervisor.charge_computing(tid);
+        assert!(matches!(flow, Some(Flow::Stays)));
+        let at = protocols::Instant::from_nanos(6 * MS);
+        assert_eq!(bench.supervisor.late, [(at, tid)]);
+        assert!(matches!(bench.thread().state, State::Ready(Next::Charged)));
+        assert!(bench.supervisor.charge_computing(tid).is_none(), "once");
+        // A run that is frozen takes no time; a thread without a call makes none.
+        computes(&mut bench);
+        bench.supervisor.stage.is_frozen = true;
+        assert!(bench.supervisor.charge_computing(tid).is_none());
+        bench.supervisor.stage.is_frozen = false;
+        bench.thread().call = None;
+        assert!(bench.supervisor.charge_computing(tid).is_none());
+        assert!(bench.supervisor.charge_computing(-7).is_none());
+        bench.thread().call = Some(Call::made(libc::SYS_getpid, &[]));
+        assert!(bench.supervisor.charge_computing(tid).is_some());
+        let charged = bench.supervisor.computing().expect("set").charged;
+        assert_eq!(charged, Duration::from_millis(12));
+        bench.supervisor.computing = None;
+        assert!(bench.supervisor.charge_computing(tid).is_none());
+        assert!(bench.supervisor.computing().is_none());
+    }
+
+    #[test]
+    fn a_thread_that_only_waited_is_charged_nothing() {
+        let mut bench = bench();
+        let tid = bench.tid;
+        bench.begins(libc::SYS_getpid, &[]);
+        computes(&mut bench);
+        bench.supervisor.forgive_computing(-7);
+        bench.supervisor.forgive_computing(tid);
+        assert!(bench.supervisor.charge_computing(tid).is_none());
+    }
+
+    /// The processor time of this very process is more than one nanosecond, and never less than
+    /// before.
+    #[test]
+    fn processor_time_is_that_of_the_process() {
+        let mut bench = bench();
+        let tid = bench.tid;
+        let used = |bench: &Bench| bench.supervisor.computing().expect("set").used;
+        let time = bench.supervisor.processor_time_of(tid).expect("measured");
+        assert!(time > Duration::from_nanos(1));
+        assert!(bench.supervisor.processor_time_of(tid) >= Some(time));
+        assert_eq!(bench.supervisor.processor_time_of(-7), None);
+        bench.supervisor.has_computed(tid, None);
+        assert_eq!(used(&bench), Duration::ZERO);
+        // All of the time, less the free 10 us.
+        bench.supervisor.has_computed(tid, Some(Duration::ZERO));
+        assert!(used(&bench) + Duration::from_micros(10) >= time);
+        bench.supervisor.computing = None;
+        assert_eq!(bench.supervisor.processor_time_of(tid), None);
+    }
+
+    /// A recorded run measures nothing; the files that run are noted.
+    #[test]
+    fn a_run_charges_again_what_an_earlier_one_charged() {
+        let mut bench = bench();
+        let tid = bench.tid;
+        bench.begins(libc::SYS_getpid, &[]);
+        computes(&mut bench);
+        assert!(bench.supervisor.charge_computing(tid).is_some());
+        bench.supervisor.note_program(tid);
+        let earlier = bench.supervisor.computing().expect("set").clone();
+        let exe = std::env::current_exe().expect("it runs");
+        let name = exe.file_name().expect("a file").to_string_lossy();
+        let programs = earlier.spec().programs;
+        assert!(
+            programs.iter().any(|it| it.starts_with(&*name)),
+            "{programs:?}"
+        );
+        let mut again = Bench::new();
+        again.supervisor.charge_again(earlier);
+        again.begins(libc::SYS_getpid, &[]);
+        assert!(again.supervisor.charge_computing(tid).is_some());
+        let charged = again.supervisor.computing().expect("set").charged;
+        assert_eq!(charged, Duration::from_millis(6));
+    }
+}

@@ -391,7 +391,9 @@ const fn leaves_ports_alone(call: &Call) -> bool {
 mod tests {
     use super::*;
 
-    use crate::guest::supervisor::tests::Bench;
+    use crate::guest::supervisor::schedule::Schedule;
+    use crate::guest::supervisor::tests::{Bench, is_ready};
+    use crate::guest::tests::Stopped;
 
     /// SIGSEGV is 11, SIGBUS 7.
     #[test]
@@ -535,5 +537,171 @@ mod tests {
         assert!(bench.supervisor.is_known_site(tid, &call));
         assert!(!bench.supervisor.is_known_site(-7, &call));
         bench.supervisor.learn_site(-7, &call);
+    }
+
+    /// A bench with a thread that stands, known to the supervisor.
+    fn with(stopped: &Stopped) -> (Bench, i32) {
+        let mut bench = Bench::new();
+        let tid = stopped.pid.as_raw();
+        bench.add(tid, tid, State::Running);
+        (bench, tid)
+    }
+
+    /// wait(2): a stop is 0x7F, its signal in the second byte, the event of ptrace(2) in the third.
+    #[test]
+    fn a_stop_is_handled_by_its_kind() {
+        let stopped = Stopped::new();
+        stopped.runs(&[0x90; 16]);
+        let (mut bench, tid) = with(&stopped);
+        let mut goes_with = |status: i32| match bench.supervisor.handle(tid, status) {
+            Flow::Goes(signal) => signal.map_or(0, |it| it as i32),
+            Flow::Stays => -1,
+        };
+        let signal = |number: i32| number << 8 | 0x7F;
+        for number in [libc::SIGUSR1, libc::SIGCHLD, libc::SIGTRAP, libc::SIGSEGV] {
+            assert_eq!(goes_with(signal(number)), number);
+        }
+        // Of a call, and of the end of a child's vfork.
+        assert_eq!(goes_with(signal(libc::SIGTRAP | 0x80)), 0);
+        assert_eq!(goes_with(libc::PTRACE_EVENT_VFORK_DONE << 16 | 0x57F), 0);
+        // The end of a thread.
+        assert!(matches!(bench.supervisor.handle(tid, 0x300), Flow::Stays));
+        assert!(!bench.supervisor.threads.contains_key(&tid));
+    }
+
+    /// Intel's manual, volume 2: `rdtsc` is 0F 31, `rdtscp` 0F 01 F9. The counter begins with
+    /// 1,000 s in nanoseconds, and a look takes 1 us.
+    #[test]
+    fn a_read_of_the_hidden_counter_is_answered() {
+        for (code, len) in [(&[0x0F, 0x31][..], 2), (&[0x0F, 0x01, 0xF9][..], 3)] {
+            let stopped = Stopped::new();
+            let at = stopped.runs(code);
+            let (mut bench, tid) = with(&stopped);
+            let segv = libc::SIGSEGV << 8 | 0x7F;
+            assert!(matches!(
+                bench.supervisor.handle(tid, segv),
+                Flow::Goes(None)
+            ));
+            let registers = stopped.registers();
+            assert_eq!(registers.rip, at + len);
+            assert_eq!(registers.rdx << 32 | registers.rax, 1_000_000_001_000);
+            assert_eq!(bench.supervisor.fault(), None);
+        }
+    }
+
+    /// A call begins: it is counted, takes 1 us, and all data of the last one are gone.
+    #[test]
+    fn a_call_begins_anew() {
+        let stopped = Stopped::that_calls();
+        stopped.filters(&[libc::SYS_clock_getres]);
+        let (mut bench, tid) = with(&stopped);
+        let at = stopped.begins(libc::SYS_clock_getres, &[1, 0]);
+        let thread = bench.supervisor.threads.get_mut(&tid).expect("added");
+        let stale = Call::made(libc::SYS_pause, &[]);
+        thread.call = Some(stale);
+        thread.outside = Some(stale);
+        (thread.is_at_end, thread.is_woken) = (true, true);
+        (thread.waits_for_ports, thread.asks_port) = (true, true);
+        thread.computed = Duration::from_secs(1);
+        (thread.loop_length, thread.progress) = (Some(3), 5);
+        (thread.lines_before, thread.slice) = (Some([1; 4]), 6);
+        thread.watched = vec![1];
+        bench.supervisor.launches(tid);
+        assert!(matches!(bench.supervisor.called(tid), Flow::Goes(None)));
+        assert_eq!(bench.supervisor.calls.count, 0, "it is a launcher");
+        bench.supervisor.launchers.clear();
+        let seccomp = libc::PTRACE_EVENT_SECCOMP << 16 | 0x57F;
+        assert!(matches!(
+            bench.supervisor.handle(tid, seccomp),
+            Flow::Goes(None)
+        ));
+        assert_eq!((bench.supervisor.calls.count, bench.now()), (1, 1_000));
+        assert_eq!(bench.supervisor.progress, 1);
+        let spent = bench.supervisor.spent.get(&libc::SYS_clock_getres);
+        assert_eq!(spent, Some(&1));
+        let thread = &bench.supervisor.threads[&tid];
+        let call = thread.call.expect("it has begun");
+        assert_eq!((call.number, call.args[0]), (libc::SYS_clock_getres, 1));
+        assert!(thread.outside.is_none() && thread.lines_before.is_none());
+        assert!(!thread.is_at_end && !thread.is_woken);
+        assert!(!thread.waits_for_ports && !thread.asks_port && thread.watched.is_empty());
+        assert_eq!(
+            (thread.computed, thread.loop_length),
+            (Duration::ZERO, None)
+        );
+        assert_eq!((thread.progress, thread.slice), (0, 7));
+        assert_eq!(thread.entered, protocols::Instant::from_nanos(1_000));
+        assert!(bench.supervisor.processes[&tid].sites.contains(&(at + 2)));
+        // The supervisor has answered it: the kernel executes no call.
+        assert_eq!(stopped.registers().rax, 0);
+        assert_eq!(stopped.registers().orig_rax, u64::MAX);
+        assert!(matches!(bench.supervisor.called(-7), Flow::Goes(None)));
+        assert_eq!(bench.supervisor.calls.count, 1);
+    }
+
+    /// `mov edi, 3; mov eax, 231; syscall` is exit_group(3).
+    const EXITS: [u8; 12] = [0xBF, 3, 0, 0, 0, 0xB8, 0xE7, 0, 0, 0, 0x0F, 0x05];
+
+    /// A thread that is ready runs up to its end; one that is not does not.
+    #[test]
+    fn a_thread_runs_up_to_its_end() {
+        let stopped = Stopped::new();
+        let at = stopped.runs(&EXITS);
+        let (mut bench, tid) = with(&stopped);
+        bench.supervisor.roots.insert(tid, None);
+        bench.supervisor.run_thread(tid);
+        assert_eq!(stopped.registers().rip, at, "it is not ready");
+        bench.supervisor.run_thread(-7);
+        is_ready(&mut bench.supervisor, tid);
+        bench.supervisor.threads.get_mut(&tid).expect("added").slice = 5;
+        bench.supervisor.run_thread(tid);
+        assert_eq!(bench.supervisor.status(tid), Some(0x300));
+        assert!(!bench.supervisor.threads.contains_key(&tid));
+        assert!(bench.supervisor.held_over.is_none());
+    }
+
+    /// How a thread goes on: what its state says, and whether a signal may have come since.
+    #[test]
+    fn a_thread_goes_on_as_it_is_to() {
+        let sends = libc::SIGWINCH << 8 | 0x7F;
+        for (next, computes, is_signalled) in [
+            (Next::Go(None), false, false),
+            (Next::Go(Some(Signal::SIGWINCH)), false, false),
+            (Next::Stopped(sends), false, false),
+            (Next::Attempt, false, true),
+            (Next::Charged, false, true),
+            (Next::Call, false, false),
+            (Next::Begin, false, false),
+            (Next::Lose, true, false),
+        ] {
+            let stopped = Stopped::new();
+            stopped.runs(&EXITS);
+            let (mut bench, tid) = with(&stopped);
+            bench.supervisor.roots.insert(tid, None);
+            let thread = bench.supervisor.threads.get_mut(&tid).expect("added");
+            let waits = matches!(
+                next,
+                Next::Attempt | Next::Charged | Next::Call | Next::Begin
+            );
+            thread.call = waits.then(|| Call::made(libc::SYS_pause, &[]));
+            bench.supervisor.run_on(tid, next);
+            let has_ended = bench.supervisor.status(tid).is_some();
+            assert_eq!(has_ended, !waits && !computes, "{next:?}");
+            // The end of a process may have sent signals.
+            assert!(has_ended || bench.supervisor.is_signalled == is_signalled);
+            if waits {
+                assert!(bench.supervisor.threads[&tid].is_blocked(), "{next:?}");
+            }
+        }
+        // With another order of threads, a signal may have come while others ran.
+        let stopped = Stopped::new();
+        stopped.runs(&EXITS);
+        let (mut bench, tid) = with(&stopped);
+        bench.supervisor.schedule = Some(Schedule::new(1));
+        let thread = bench.supervisor.threads.get_mut(&tid).expect("added");
+        thread.call = Some(Call::made(libc::SYS_pause, &[]));
+        bench.supervisor.run_on(tid, Next::Call);
+        assert!(bench.supervisor.is_signalled);
+        bench.supervisor.run_on(-7, Next::Go(None));
     }
 }
