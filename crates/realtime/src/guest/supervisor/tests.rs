@@ -13,6 +13,8 @@ use engine::rig::Paced as _;
 use engine::scenario::Scenario;
 use nix::libc;
 
+mod programs;
+
 use super::*;
 use crate::Realtime;
 use crate::clock::SimClock;
@@ -519,4 +521,11 @@ pub(in crate::guest) fn adopts(bench: &mut Bench, root: Pid) {
     supervisor.roots.insert(root.as_raw(), None);
     supervisor.launchers.insert(root.as_raw());
     supervisor.add_thread(root, root, None);
+}
+
+/// Whether the first thread of this process waits for a signal.
+pub(in crate::guest) fn pauses(supervisor: &Supervisor, process: Pid) -> bool {
+    let thread = supervisor.threads.get(&process.as_raw());
+    let call = thread.filter(|it| it.is_blocked()).and_then(|it| it.call);
+    call.is_some_and(|call| call.number == libc::SYS_pause)
 }

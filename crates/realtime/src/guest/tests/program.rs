@@ -116,31 +116,74 @@ pub(in crate::guest) fn starts(bench: &mut Bench, data: &[u8], code: &[u8]) -> S
     process
 }
 
-/// A program runs to its end: what the supervisor knows of it then.
-fn runs(data: &[u8], code: &[u8]) -> Bench {
-    let mut bench = Bench::new();
-    let process = starts(&mut bench, data, code);
-    for _ in 0..2_000 {
-        if bench.supervisor.have_all_ended() {
-            break;
-        }
-        bench.supervisor.turn().expect("it is supervised");
+/// `mov [place], rax`: keeps the result of a call.
+pub(in crate::guest) fn keeps(place: u32) -> Vec<u8> {
+    [&[0x48, 0x89, 0x04, 0x25], &place.to_le_bytes()[..]].concat()
+}
+
+/// A call that stops the program until a signal comes, which none sends.
+pub(in crate::guest) fn rests() -> Vec<u8> {
+    call(libc::SYS_pause, &[])
+}
+
+/// `test eax, eax; jnz ..`: runs `code` if the last result is 0, as in a new process.
+pub(in crate::guest) fn if_zero(code: &[u8]) -> Vec<u8> {
+    let len = u32::try_from(code.len()).expect("short");
+    [&[0x85, 0xC0, 0x0F, 0x85], &len.to_le_bytes()[..], code].concat()
+}
+
+/// A program and its supervisor.
+pub(in crate::guest) struct Guest {
+    pub(in crate::guest) bench: Bench,
+    pub(in crate::guest) process: Stopped,
+}
+
+impl Guest {
+    /// Lets a program with these data and this code run until it rests or has ended.
+    pub(in crate::guest) fn runs(data: &[u8], code: &[&[u8]]) -> Self {
+        Self::runs_in(Bench::new(), data, code)
     }
-    let status = bench.supervisor.status(process.pid.as_raw());
-    bench.tid = status.expect("it has ended");
-    core::mem::forget(process);
-    bench
+
+    pub(in crate::guest) fn runs_in(mut bench: Bench, data: &[u8], code: &[&[u8]]) -> Self {
+        let process = starts(&mut bench, data, &code.concat());
+        let mut it = Self { bench, process };
+        for _ in 0..1_000 {
+            if it.status().is_some() || it.rests() {
+                return it;
+            }
+            it.bench.supervisor.turn().expect("it is supervised");
+        }
+        panic!("it goes on and on");
+    }
+
+    pub(in crate::guest) fn status(&self) -> Option<i32> {
+        self.bench.supervisor.status(self.process.pid.as_raw())
+    }
+
+    fn rests(&self) -> bool {
+        crate::guest::supervisor::tests::pauses(&self.bench.supervisor, self.process.pid)
+    }
+
+    /// A word of its memory.
+    pub(in crate::guest) fn word(&self, place: u32) -> u64 {
+        let memory = Memory(self.process.pid);
+        memory.u64(place.into()).expect("its memory")
+    }
+
+    pub(in crate::guest) fn bytes(&self, place: u32, len: usize) -> Vec<u8> {
+        let mut bytes = vec![0; len];
+        let memory = Memory(self.process.pid);
+        memory.read(place.into(), &mut bytes).expect("its memory");
+        bytes
+    }
 }
 
 /// The status of a process with a code has it in its second byte (wait(2)).
 #[test]
 fn a_program_in_virtual_time_ends_with_its_code() {
-    let bench = runs(&[], &exit(3));
-    assert_eq!(bench.tid, 3 << 8);
-    assert!(
-        bench.supervisor.notes().is_empty(),
-        "{:?}",
-        bench.supervisor.notes()
-    );
-    assert!(!bench.supervisor.is_anybody_there());
+    let guest = Guest::runs(&[], &[&exit(3)]);
+    assert_eq!(guest.status(), Some(3 << 8));
+    let supervisor = &guest.bench.supervisor;
+    assert!(supervisor.notes().is_empty(), "{:?}", supervisor.notes());
+    assert!(!supervisor.is_anybody_there());
 }

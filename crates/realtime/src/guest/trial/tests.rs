@@ -245,3 +245,58 @@ fn a_program_goes_on_for_a_while() {
     assert!(trial.supervisor.stage.is_endless);
     trial.is_silent();
 }
+
+/// A trial of a program with these data and this code, and what it leaves when it is over.
+fn plays(data: &[u8], code: &[&[u8]]) -> Played {
+    use crate::guest::tests::program::starts;
+
+    let mut bench = Bench::new();
+    let process = starts(&mut bench, data, &code.concat());
+    let (mut trial, _folder) = trial_of_program(bench, process.pid.as_raw());
+    // The trial ends it.
+    core::mem::forget(process);
+    trial.go_on(Duration::from_millis(20), |_| false);
+    trial.turn().expect("it is supervised");
+    trial.end()
+}
+
+fn detail_of<'a>(played: &'a Played, name: &str) -> (engine::run::check::Status, &'a str) {
+    let mut checks = played.outcome.checks.iter();
+    let check = checks.find(|check| check.name == name).expect("told");
+    (check.status, &check.detail)
+}
+
+/// SIGTERM is 15, its bit 0x4000; SIG_BLOCK is 0.
+#[test]
+fn a_program_is_asked_to_end_and_then_killed() {
+    use crate::guest::tests::program::{DATA, call, exit, if_zero, rests};
+    use engine::run::check::Status;
+    use nix::libc;
+
+    let sleeps = call(libc::SYS_nanosleep, &[DATA + 8, 0]);
+    let blocks = call(libc::SYS_rt_sigprocmask, &[0, DATA, 0, 8]);
+    let child = [call(libc::SYS_fork, &[]), if_zero(&rests())].concat();
+    let data: Vec<u8> = [0x4000_u64, 0, 5_000_000]
+        .iter()
+        .flat_map(|word| word.to_le_bytes())
+        .collect();
+    // It does as asked, or is killed after a while; it leaves a child, which does or does not.
+    let alive = |code: &[&[u8]]| {
+        let played = plays(&data, code);
+        let (status, detail) = detail_of(&played, "program-alive");
+        let children = detail_of(&played, "no-children-left");
+        (status, detail.to_owned(), children.0, children.1.to_owned())
+    };
+    let (status, detail, children, _) = alive(&[&rests()]);
+    assert_eq!((status, children), (Status::Pass, Status::Pass), "{detail}");
+    let (_, killed, children, _) = alive(&[&blocks, &rests(), &rests(), &rests()]);
+    assert_eq!(children, Status::Pass);
+    assert_ne!(killed, detail);
+    let (status, _, children, left) = alive(&[&child, &sleeps, &exit(3)]);
+    assert_eq!((status, children), (Status::Fail, Status::Pass));
+    assert!(left.starts_with("left running, ended by SIGTERM: "), "{left}");
+    let (.., children, stubborn) = alive(&[&blocks, &child, &sleeps, &exit(3)]);
+    assert_eq!(children, Status::Fail);
+    let expected = "left running, had to be killed: ";
+    assert!(stubborn.starts_with(expected), "{stubborn}");
+}
