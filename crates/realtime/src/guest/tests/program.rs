@@ -8,10 +8,15 @@ use super::Stopped;
 use crate::guest::memory::Memory;
 use crate::guest::supervisor::tests::{Bench, adopts};
 
-/// Address of its data, which have 256 bytes, of its first instruction, and of memory with zeros.
-pub(in crate::guest) const DATA: u32 = 0x40_0078;
-pub(in crate::guest) const ENTRY: u64 = 0x40_0178;
+/// Address of its data, which have 256 bytes, and of memory with zeros.
+pub(in crate::guest) const DATA: u32 = 0x40_00B0;
 pub(in crate::guest) const ZEROS: u32 = 0x40_2000;
+/// Address of its first instruction. As the code of a C library, it is at most 2 GiB from the page
+/// with its clocks.
+pub(in crate::guest) const ENTRY: u64 = CODE + HEAD;
+const CODE: u64 = 0x7FFF_E000_0000;
+/// Length of the head of its file: 64 bytes, two headers of 56 bytes, and the data.
+const HEAD: u64 = 64 + 2 * 56 + 256;
 
 /// `mov` of a number to rax, rdi, rsi, rdx, r10 and r8, then `syscall` (Intel's manual, volume 2).
 pub(in crate::guest) fn call(number: i64, args: &[u32]) -> Vec<u8> {
@@ -41,8 +46,8 @@ pub(in crate::guest) fn exit(code: u32) -> Vec<u8> {
 /// An executable file (elf(5)) with these data and this code.
 fn executable(data: &[u8], code: &[u8]) -> Vec<u8> {
     assert!(data.len() <= 256 && code.len() <= 4_096);
-    let len = 0x178 + code.len() as u64;
-    // The class, 64 bits; an executable for x86-64; its entry, and one header of 56 bytes.
+    let len = HEAD + code.len() as u64;
+    // The class, 64 bits; an executable for x86-64; its entry, and two headers of 56 bytes.
     let mut file = b"\x7FELF\x02\x01\x01".to_vec();
     file.resize(16, 0);
     let half = |file: &mut Vec<u8>, value: u16| file.extend(value.to_le_bytes());
@@ -53,16 +58,19 @@ fn executable(data: &[u8], code: &[u8]) -> Vec<u8> {
         file.extend(word.to_le_bytes());
     }
     file.extend([0; 4]);
-    for value in [64, 56, 1, 0, 0, 0] {
+    for value in [64, 56, 2, 0, 0, 0] {
         half(&mut file, value);
     }
-    // A segment to load that can be executed, written and read, with 16 KiB of memory.
-    file.extend([1_u32, 7].map(u32::to_le_bytes).as_flattened());
-    for word in [0, 0x40_0000, 0x40_0000, len, 0x4000, 0x1000] {
-        file.extend(word.to_le_bytes());
+    // Two segments to load that can be executed, written and read: for data, with 16 KiB of
+    // memory, and for code.
+    for (at, memory) in [(0x40_0000, 0x4000), (CODE, len)] {
+        file.extend([1_u32, 7].map(u32::to_le_bytes).as_flattened());
+        for word in [0, at, at, len, memory, 0x1000] {
+            file.extend(word.to_le_bytes());
+        }
     }
     file.extend(data);
-    file.resize(0x178, 0);
+    file.resize(usize::try_from(HEAD).expect("short"), 0);
     file.extend(code);
     file
 }

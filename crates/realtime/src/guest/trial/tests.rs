@@ -294,7 +294,10 @@ fn a_program_is_asked_to_end_and_then_killed() {
     assert_ne!(killed, detail);
     let (status, _, children, left) = alive(&[&child, &sleeps, &exit(3)]);
     assert_eq!((status, children), (Status::Fail, Status::Pass));
-    assert!(left.starts_with("left running, ended by SIGTERM: "), "{left}");
+    assert!(
+        left.starts_with("left running, ended by SIGTERM: "),
+        "{left}"
+    );
     let (.., children, stubborn) = alive(&[&blocks, &child, &sleeps, &exit(3)]);
     assert_eq!(children, Status::Fail);
     let expected = "left running, had to be killed: ";

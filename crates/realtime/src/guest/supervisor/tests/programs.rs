@@ -549,7 +549,7 @@ fn a_program_ends_by_a_signal() {
     let write = [0x89, 0x04, 0x25, 0, 0, 0, 0];
     let guest = Guest::runs(&[], &[&[0x90], &write]);
     assert_eq!(guest.status(), Some(11));
-    assert_eq!(guest.bench.supervisor.fault(), Some("program+0x179"));
+    assert_eq!(guest.bench.supervisor.fault(), Some("program+0x1b1"));
     let pipe = call(libc::SYS_pipe2, &[ZEROS, 0]);
     let close = with_first(ZEROS, libc::SYS_close, &[]);
     let speak = with_first(ZEROS + 4, libc::SYS_write, &[DATA, 8]);
@@ -568,4 +568,403 @@ fn chance_is_the_same_for_the_same_seed() {
     other.supervisor.settings.seed = 2;
     let other = Guest::runs_in(other, &[], &[&get, &rests()]).bytes(ZEROS, 32);
     assert_ne!(other, first);
+}
+
+/// rseq(2) would write the real number of the processor into memory: ENOSYS is 38. A set without a
+/// processor is invalid: EINVAL is 22.
+#[test]
+fn a_program_sees_the_first_processor() {
+    let guest = Guest::runs(
+        &MARKED,
+        &[
+            &call(libc::SYS_getcpu, &[DATA, DATA + 8]),
+            &keeps(ZEROS),
+            &call(libc::SYS_sched_getaffinity, &[0, 8, ZEROS + 8]),
+            &keeps(ZEROS + 16),
+            &call(libc::SYS_sched_setaffinity, &[0, 8, ZEROS + 64]),
+            &keeps(ZEROS + 24),
+            &call(libc::SYS_rseq, &[ZEROS + 128, 32, 0, 7]),
+            &keeps(ZEROS + 32),
+            &rests(),
+        ],
+    );
+    assert_eq!(
+        (guest.word(ZEROS), guest.word(DATA)),
+        (0, 0xEEEE_EEEE_0000_0000)
+    );
+    assert_eq!(guest.word(DATA + 8), 0xEEEE_EEEE_0000_0000);
+    assert_eq!((guest.word(ZEROS + 8), guest.word(ZEROS + 16)), (1, 8));
+    assert_eq!(guest.word(ZEROS + 24).cast_signed(), -22);
+    assert_eq!(guest.word(ZEROS + 32).cast_signed(), -38);
+}
+
+/// signal(7): a signal above 31 ends a process by default. Its status is the signal.
+#[test]
+fn a_signal_above_31_ends_a_program() {
+    // `mov edi, eax; mov esi, 35; mov eax, 62; syscall`: kill(itself, 35).
+    let kills_itself = {
+        let mut code = call(libc::SYS_getpid, &[]);
+        code.extend([0x89, 0xC7, 0xBE, 35, 0, 0, 0, 0xB8, 62, 0, 0, 0, 0x0F, 0x05]);
+        code.extend(rests());
+        code
+    };
+    let guest = Guest::runs(&[], &[&kills_itself]);
+    assert_eq!(guest.status(), Some(35));
+    let guest = Guest::runs(
+        &[],
+        &[
+            &call(libc::SYS_fork, &[]),
+            &if_zero(&kills_itself),
+            &keeps(ZEROS),
+            &call(libc::SYS_wait4, &[u32::MAX, ZEROS + 8, 0, 0]),
+            &keeps(ZEROS + 16),
+            &rests(),
+        ],
+    );
+    assert_eq!(guest.word(ZEROS + 16), guest.word(ZEROS));
+    assert_eq!(guest.word(ZEROS + 8), 35);
+    assert!(guest.bench.supervisor.fatal.is_empty());
+}
+
+/// timer_create(2): `sigevent` has a value, a signal and the notice (SIGEV_SIGNAL is 0). The data
+/// of the signal have SI_TIMER (-2) at 8, the timer at 16, its overrun at 20 and the value at 24.
+/// By hand: it expires after 1, 2, 3, 4 and 5 ms, and is looked at after 5.5 ms: four overruns.
+#[test]
+fn a_timer_counts_its_expirations() {
+    let data = words(&[
+        0,
+        MS,
+        0,
+        MS,
+        0x2000,
+        0x1122_3344_5566_7788,
+        14,
+        0,
+        0,
+        5_500_000,
+    ]);
+    let mut set = vec![0x41, 0xBA, 0, 0, 0, 0];
+    set.extend(with_first(ZEROS, libc::SYS_timer_settime, &[0, DATA]));
+    let wait = |place| call(libc::SYS_rt_sigtimedwait, &[DATA + 32, place, 0, 8]);
+    let guest = Guest::runs(
+        &data,
+        &[
+            &blocks(),
+            &call(libc::SYS_timer_create, &[1, DATA + 40, ZEROS]),
+            &keeps(ZEROS + 8),
+            &set,
+            &keeps(ZEROS + 16),
+            &call(libc::SYS_nanosleep, &[DATA + 64, 0]),
+            &wait(ZEROS + 64),
+            &keeps(ZEROS + 24),
+            &wait(ZEROS + 256),
+            &keeps(ZEROS + 32),
+            &rests(),
+        ],
+    );
+    assert_eq!((guest.word(ZEROS + 8), guest.word(ZEROS + 16)), (0, 0));
+    assert_eq!((guest.word(ZEROS + 24), guest.word(ZEROS + 32)), (14, 14));
+    for (place, overrun) in [(ZEROS + 64, 4), (ZEROS + 256, 0)] {
+        assert_eq!(guest.word(place) & 0xFFFF_FFFF, 14);
+        assert_eq!(guest.word(place + 8) & 0xFFFF_FFFF, 0xFFFF_FFFE);
+        let timer = guest.word(ZEROS) & 0xFFFF_FFFF;
+        assert_eq!(guest.word(place + 16), overrun << 32 | timer);
+        assert_eq!(guest.word(place + 24), 0x1122_3344_5566_7788);
+    }
+    assert_eq!(guest.bench.now() / MS, 6);
+}
+
+/// fcntl(2): F_SETLK is 6, F_SETLKW 7. A lock has its kind (F_WRLCK is 1) and where it counts from
+/// (SEEK_SET 0, SEEK_CUR 1, SEEK_END 2), 16 bits each; its start, its length and a process.
+#[test]
+fn a_process_waits_for_a_range_of_another_one() {
+    // The child has the bytes 0 to 9 until it ends after 5 ms; the parent wants some after 1 ms.
+    let child = [
+        with_first(ZEROS, libc::SYS_fcntl, &[6, DATA + 32]),
+        call(libc::SYS_nanosleep, &[DATA, 0]),
+        exit(0),
+    ];
+    for (from, start, millis) in [
+        (0, 5, 5),
+        (0, 9, 5),
+        (0, 10, 1),
+        // The file's position is 20, its length 100.
+        (1, -11, 5),
+        (1, -10, 1),
+        (2, -91, 5),
+        (2, -90, 1),
+    ] {
+        let start: i64 = start;
+        let from: u64 = from;
+        let mut data = words(&[0, 5 * MS, 0, MS, 1, 0, 10, 0]);
+        data.extend(words(&[1 | from << 16, start.cast_unsigned(), 3, 0]));
+        data.extend(b"x\0");
+        let guest = Guest::runs(
+            &data,
+            &[
+                &call(libc::SYS_memfd_create, &[DATA + 96, 0]),
+                &keeps(ZEROS),
+                &with_first(ZEROS, libc::SYS_ftruncate, &[100]),
+                &with_first(ZEROS, libc::SYS_lseek, &[20, 0]),
+                &call(libc::SYS_fork, &[]),
+                &if_zero(&child.concat()),
+                &call(libc::SYS_nanosleep, &[DATA + 16, 0]),
+                &with_first(ZEROS, libc::SYS_fcntl, &[7, DATA + 64]),
+                &keeps(ZEROS + 8),
+                &rests(),
+            ],
+        );
+        assert_eq!(guest.word(ZEROS + 8), 0);
+        assert_eq!(guest.bench.now() / MS, millis, "{from} {start}");
+    }
+}
+
+/// Code that keeps the address of its own clocks in r13, from the auxiliary vector behind the one
+/// argument: AT_SYSINFO_EHDR is 33. Behind the kernel's page is the code of clock_gettime.
+fn finds_clocks() -> Vec<u8> {
+    let own = crate::guest::inject::kernel_page(own()).expect("a page of the kernel");
+    let len = u32::try_from(own.1.len()).expect("short");
+    let mut code = vec![
+        0x48, 0x8D, 0x74, 0x24, 0x20, 0x48, 0x83, 0x3E, 33, 0x74, 0x06,
+    ];
+    code.extend([0x48, 0x83, 0xC6, 0x10, 0xEB, 0xF4, 0x4C, 0x8B, 0x6E, 0x08]);
+    code.extend([0x49, 0x81, 0xC5]);
+    code.extend(len.to_le_bytes());
+    code
+}
+
+/// `mov edi, clock; mov esi, place; call r13`.
+fn looks(clock: u32, place: u32) -> Vec<u8> {
+    let mut code = vec![0xBF];
+    code.extend(clock.to_le_bytes());
+    code.push(0xBE);
+    code.extend(place.to_le_bytes());
+    code.extend([0x41, 0xFF, 0xD5]);
+    code
+}
+
+/// Each look takes 1 us, with a stop or without. Nothing else takes time here.
+#[test]
+fn a_program_reads_its_clocks_without_a_stop() {
+    let guest = Guest::runs(
+        &[],
+        &[
+            &finds_clocks(),
+            &looks(1, ZEROS),
+            &looks(1, ZEROS + 16),
+            &looks(0, ZEROS + 32),
+            &call(libc::SYS_clock_gettime, &[1, ZEROS + 48]),
+            &looks(1, ZEROS + 64),
+            &rests(),
+        ],
+    );
+    assert_eq!((guest.word(ZEROS), guest.word(ZEROS + 8)), (1_000, 1_000));
+    assert_eq!(guest.word(ZEROS + 24), 2_000);
+    assert_eq!(
+        (guest.word(ZEROS + 32), guest.word(ZEROS + 40)),
+        (1_767_225_600, 3_000)
+    );
+    assert_eq!(
+        (guest.word(ZEROS + 56), guest.word(ZEROS + 72)),
+        (4_000, 5_000)
+    );
+    let supervisor = &guest.bench.supervisor;
+    assert_eq!((supervisor.looks, supervisor.served), (4, 0));
+    // Four looks, clock_gettime and pause.
+    assert_eq!((supervisor.calls.count, guest.bench.now()), (6, 6_000));
+}
+
+/// Two threads: while one looks at its clocks again and again, the other one has its turn after
+/// 1,000 looks and calls. `mov ebx, 2500; ..; dec ebx; jnz ..`.
+#[test]
+fn looks_at_clocks_are_part_of_a_turn() {
+    let mut round = looks(1, ZEROS + 64);
+    let back = 256 - (round.len() + 4);
+    round.extend([0xFF, 0xCB, 0x75, u8::try_from(back).expect("short")]);
+    let thread = [looks(1, ZEROS), call(libc::SYS_exit, &[0])];
+    let guest = Guest::runs(
+        &[],
+        &[
+            &finds_clocks(),
+            &call(libc::SYS_clone, &[THREAD, ZEROS + 4_096]),
+            &if_zero(&thread.concat()),
+            &[0xBB, 0xC4, 0x09, 0, 0],
+            &round,
+            &rests(),
+        ],
+    );
+    // The other thread looks after the first turn: 999 looks, and the one that ends it.
+    let other = guest.word(ZEROS + 8);
+    assert!((999_000..=1_002_000).contains(&other), "{other}");
+    let last = guest.word(ZEROS + 72);
+    assert!((2_500_000..=2_503_000).contains(&last), "{last}");
+}
+
+/// The path of the port, at `DATA + 64`, as the bench publishes it.
+fn with_port(bench: &Bench, mut data: Vec<u8>) -> Vec<u8> {
+    let path = bench.path("sonar");
+    data.resize(64, 0);
+    data.extend(path.as_os_str().as_encoded_bytes());
+    data.push(0);
+    data
+}
+
+/// Opens the port: openat(AT_FDCWD, .., O_RDWR | O_NOCTTY).
+fn opens_port() -> Vec<u8> {
+    let opens = call(libc::SYS_openat, &[u32::MAX - 99, DATA + 64, 0o402, 0]);
+    [opens, keeps(ZEROS)].concat()
+}
+
+/// Reads bytes one by one in a loop: `mov r14d, place; mov ebx, count; mov edi, [ZEROS]; mov rsi,
+/// r14; mov edx, 1; mov eax, 0; syscall; inc r14; dec ebx; jnz ..`.
+fn reads_one_by_one(place: u32, count: u32) -> Vec<u8> {
+    let mut code = vec![0x49, 0xC7, 0xC6];
+    code.extend(place.to_le_bytes());
+    code.push(0xBB);
+    code.extend(count.to_le_bytes());
+    let mut round = vec![0x8B, 0x3C, 0x25];
+    round.extend(ZEROS.to_le_bytes());
+    round.extend([0x4C, 0x89, 0xF6, 0xBA, 1, 0, 0, 0]);
+    round.extend(call(libc::SYS_read, &[]));
+    round.extend([0x49, 0xFF, 0xC6, 0xFF, 0xCB]);
+    let back = 256 - (round.len() + 2);
+    round.extend([0x75, u8::try_from(back).expect("short")]);
+    code.extend(round);
+    code
+}
+
+/// By hand: 9600 baud are 1.041667 ms per byte. The lines of 7 bytes begin at 100, 200 and 300 ms:
+/// the last byte of the third is there at 307.2917 ms.
+#[test]
+fn a_program_reads_its_port() {
+    let bench = Bench::new();
+    let data = with_port(&bench, Vec::new());
+    let guest = Guest::runs_in(
+        bench,
+        &data,
+        &[&opens_port(), &reads_one_by_one(ZEROS + 64, 21), &rests()],
+    );
+    assert_eq!(guest.bytes(ZEROS + 64, 22), b"mm=700\nmm=700\nmm=700\n\0");
+    let now = guest.bench.now();
+    assert!((307_291_666..307_300_000).contains(&now), "{now}");
+    let supervisor = &guest.bench.supervisor;
+    assert!(supervisor.served > 0, "some reads have caused no stop");
+    assert_eq!(supervisor.calls.count, 23, "openat, 21 reads and pause");
+    let traffic = guest.bench.supervisor.stage.traffic(0);
+    assert_eq!((traffic.to_client, traffic.from_client), (21, 0));
+}
+
+/// By hand: "ping" and its line end are 5 bytes, and so is "pong": 10.417 ms in all. The
+/// device answers 200 us after a request.
+#[test]
+fn a_program_asks_its_port() {
+    let bench = Bench::new();
+    let data = with_port(&bench, b"ping\n".to_vec());
+    let guest = Guest::runs_in(
+        bench,
+        &data,
+        &[
+            &opens_port(),
+            &with_first(ZEROS, libc::SYS_write, &[DATA, 5]),
+            &keeps(ZEROS + 8),
+            &reads_one_by_one(ZEROS + 64, 5),
+            &rests(),
+        ],
+    );
+    assert_eq!(
+        (guest.word(ZEROS + 8), guest.bytes(ZEROS + 64, 6)),
+        (5, b"pong\n\0".to_vec())
+    );
+    let now = guest.bench.now();
+    assert!((10_616_666..10_630_000).contains(&now), "{now}");
+}
+
+/// FIONREAD is 0x541B. A program that asks again and again waits, and asks less and less often.
+#[test]
+fn a_program_counts_the_bytes_of_its_port() {
+    // `mov edi, [ZEROS]; mov esi, FIONREAD; mov edx, ZEROS + 8; mov eax, 16; syscall;
+    // cmp dword [ZEROS + 8], 7; jne ..`.
+    let mut round = with_first(ZEROS, libc::SYS_ioctl, &[0x541B, ZEROS + 8]);
+    round.extend([0x83, 0x3C, 0x25]);
+    round.extend((ZEROS + 8).to_le_bytes());
+    round.push(7);
+    let back = 256 - (round.len() + 2);
+    round.extend([0x75, u8::try_from(back).expect("short")]);
+    let bench = Bench::new();
+    let data = with_port(&bench, Vec::new());
+    let guest = Guest::runs_in(bench, &data, &[&opens_port(), &round, &rests()]);
+    assert_eq!(guest.word(ZEROS + 8), 7);
+    let now = guest.bench.now();
+    assert!((107_291_666..108_400_000).contains(&now), "{now}");
+    let supervisor = &guest.bench.supervisor;
+    assert!(
+        supervisor.idled > Duration::from_millis(90),
+        "{:?}",
+        supervisor.idled
+    );
+    assert!(supervisor.calls.count < 2_000, "{}", supervisor.calls.count);
+}
+
+/// pselect6(2) with a timeout: two lines are read byte by byte, each after a select. The sets are a
+/// word each; the file is number 9, by dup2.
+#[test]
+fn a_program_selects_its_port() {
+    // `mov r14d, place; mov ebx, 14`.
+    let mut code = vec![0x49, 0xC7, 0xC6];
+    code.extend((ZEROS + 64).to_le_bytes());
+    code.extend([0xBB, 14, 0, 0, 0]);
+    let mut round = sets(ZEROS + 8, 1 << 9);
+    // 0 s, and 500,000,000 ns, at ZEROS + 16.
+    round.extend(sets(ZEROS + 24, 500_000_000));
+    // The number of the call comes last, as in a C library.
+    let mut select = call(libc::SYS_pselect6, &[10, ZEROS + 8, 0, 0, ZEROS + 16]);
+    let len = select.len();
+    select[..len - 2].rotate_left(5);
+    round.extend(select);
+    // `mov edi, 9; mov rsi, r14; mov edx, 1; ..; add r14, rax; sub ebx, eax`.
+    round.extend([0xBF, 9, 0, 0, 0, 0x4C, 0x89, 0xF6, 0xBA, 1, 0, 0, 0]);
+    round.extend(call(libc::SYS_read, &[]));
+    round.extend([0x49, 0x01, 0xC6, 0x29, 0xC3]);
+    let back = 256 - (round.len() + 2);
+    round.extend([0x75, u8::try_from(back).expect("short")]);
+    code.extend(round);
+    let bench = Bench::new();
+    let data = with_port(&bench, Vec::new());
+    let guest = Guest::runs_in(
+        bench,
+        &data,
+        &[
+            &opens_port(),
+            &with_first(ZEROS, libc::SYS_dup2, &[9]),
+            &code,
+            &rests(),
+        ],
+    );
+    assert_eq!(guest.bytes(ZEROS + 64, 15), b"mm=700\nmm=700\n\0");
+    assert_eq!(guest.word(ZEROS + 8), 1 << 9, "the file is ready");
+    assert!(guest.bench.supervisor.served > 0);
+    let now = guest.bench.now();
+    assert!((207_291_666..207_300_000).contains(&now), "{now}");
+}
+
+/// readlink(2) of the program's own file, by dup2 number 77: the name that it was given.
+#[test]
+fn a_port_has_the_name_that_the_program_was_given() {
+    let bench = Bench::new();
+    let path = bench.path("sonar");
+    let data = with_port(&bench, b"/proc/self/fd/77\0".to_vec());
+    let guest = Guest::runs_in(
+        bench,
+        &data,
+        &[
+            &opens_port(),
+            &with_first(ZEROS, libc::SYS_dup2, &[77]),
+            &call(libc::SYS_readlink, &[DATA, ZEROS + 64, 200]),
+            &keeps(ZEROS + 8),
+            &rests(),
+        ],
+    );
+    let text = path.as_os_str().as_encoded_bytes();
+    assert_eq!(guest.word(ZEROS + 8), text.len() as u64);
+    assert_eq!(guest.bytes(ZEROS + 64, text.len()), text);
 }
