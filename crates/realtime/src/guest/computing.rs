@@ -305,6 +305,11 @@ mod tests {
         }
         assert_eq!(run.spec().charges[0].to_string(), "1:10 2:30");
         assert!(Computing::new(Cpu::OfCase, None).is_none());
+        // The files that it runs are seen anew.
+        let mut run = Computing::new(Cpu::Scale(1_000), None).expect("measures");
+        run.runs(vec!["robot 0123".to_owned()]);
+        assert_eq!(run.spec().programs, ["robot 0123"]);
+        assert!(run.again().spec().programs.is_empty());
     }
 
     /// By hand: 3 ms before a check that found no loop, 1 s in a loop that waits, 2 ms after it.

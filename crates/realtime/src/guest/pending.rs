@@ -234,4 +234,29 @@ mod tests {
             );
         }
     }
+
+    /// A signal may be quiet for more than one reason.
+    #[test]
+    fn a_signal_that_is_quiet_twice_does_nothing() {
+        for quiet in [
+            Pending {
+                own: CHLD,
+                ignored: CHLD,
+                ..none()
+            },
+            Pending {
+                own: CHLD,
+                blocked: CHLD,
+                ..none()
+            },
+            Pending {
+                own: INT,
+                blocked: INT,
+                ignored: INT,
+                ..none()
+            },
+        ] {
+            assert!(!quiet.interrupts());
+        }
+    }
 }

@@ -289,4 +289,25 @@ mod tests {
         }
         std::fs::remove_dir_all(&folder).expect("ours");
     }
+
+    /// open(2): the access mode of a file is one side of a pipe, or both.
+    #[test]
+    fn an_open_file_is_the_other_side_or_not() {
+        let own = std::process::id().cast_signed();
+        let side = |writes| FifoSide {
+            file: (0, 0),
+            writes,
+        };
+        let null = |reads, writes| {
+            let mut options = std::fs::OpenOptions::new();
+            let file = options.read(reads).write(writes).open("/dev/null");
+            let file = file.expect("it is there");
+            let fd = file.as_raw_fd().to_string();
+            [true, false].map(|writes| is_other_side(own, &fd, side(writes)))
+        };
+        assert_eq!(null(true, false), [true, false]);
+        assert_eq!(null(false, true), [false, true]);
+        assert_eq!(null(true, true), [true, true]);
+        assert!(!is_other_side(own, "9999", side(true)));
+    }
 }

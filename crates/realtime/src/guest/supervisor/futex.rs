@@ -546,4 +546,38 @@ mod tests {
         assert_eq!(shared_key(own, 8), None);
         assert_eq!(shared_key(-1, room.at(0)), None);
     }
+
+    /// By hand, with 6 as the old word: 0 sets 3, 1 adds, 2 is `or`, 3 clears, 4 is `xor`. The
+    /// conditions from 0 on: equal, not equal, less, at most, greater, at least.
+    #[test]
+    fn each_operation_and_each_condition_differs() {
+        let apply = |operation, comparison, with| {
+            let change = Change {
+                operation,
+                by: 3,
+                comparison,
+                with,
+            };
+            change.apply(6)
+        };
+        for (operation, expected) in [(0, 3), (1, 9), (2, 7), (3, 4), (4, 5)] {
+            assert_eq!(apply(operation, 0, 6), Some((expected, true)));
+        }
+        for (comparison, expected) in [
+            (0, [false, true, false]),
+            (1, [true, false, true]),
+            (2, [true, false, false]),
+            (3, [true, true, false]),
+            (4, [false, false, true]),
+            (5, [false, true, true]),
+        ] {
+            // 6 is less than 7, equal to 6, and greater than 5.
+            let found = [7, 6, 5].map(|with| apply(0, comparison, with));
+            assert_eq!(
+                found,
+                expected.map(|holds| Some((3, holds))),
+                "{comparison}"
+            );
+        }
+    }
 }

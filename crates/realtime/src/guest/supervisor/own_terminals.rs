@@ -51,3 +51,59 @@ impl Supervisor {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nix::libc;
+    use rustix::pty::{OpenptFlags, grantpt, openpt, unlockpt};
+
+    use super::*;
+    use crate::guest::supervisor::tests::{Bench, fd};
+    use crate::guest::tests::Room;
+
+    /// Bytes that are typed at a terminal arrive before anything else happens. Ctrl-C is a signal.
+    #[test]
+    fn typed_bytes_arrive_first() {
+        let mut bench = Bench::new();
+        let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY;
+        let master = openpt(flags).expect("the system has them");
+        grantpt(&master).expect("ours");
+        unlockpt(&master).expect("ours");
+        let name = ptsname(&master, Vec::new()).expect("it has one");
+        let path = Path::new(OsStr::from_bytes(name.to_bytes())).to_owned();
+        let text = Room::of(b"x");
+        let types = |bench: &mut Bench, file: u64| {
+            bench.supervisor.is_signalled = false;
+            bench.calls(libc::SYS_write, &[file, text.at(0), 1]);
+            assert!(bench.supervisor.is_signalled);
+            bench.supervisor.typed.clone()
+        };
+        for _ in 0..2 {
+            assert_eq!(types(&mut bench, fd(&master)), [path.clone()]);
+        }
+        let settles = |bench: &mut Bench| {
+            bench.supervisor.is_changed = false;
+            bench.supervisor.settle_typed();
+            assert!(bench.supervisor.typed.is_empty());
+            bench.supervisor.is_changed
+        };
+        assert!(!settles(&mut bench), "nobody has it open");
+        let flags = OFlags::RDWR | OFlags::NOCTTY;
+        let slave = open(&path, flags, Mode::empty()).expect("it is there");
+        assert!(!settles(&mut bench), "nothing was typed");
+        types(&mut bench, fd(&master));
+        assert!(settles(&mut bench));
+        // What the program shows at the other end is not typed.
+        assert!(types(&mut bench, fd(&slave)).is_empty());
+        // A pipe is no terminal.
+        let (_ears, mouth) = std::io::pipe().expect("the system has pipes");
+        bench.supervisor.is_signalled = false;
+        bench.calls(libc::SYS_write, &[fd(&mouth), text.at(0), 1]);
+        assert!(!bench.supervisor.is_signalled && bench.supervisor.typed.is_empty());
+        // At most 64 are kept.
+        bench.supervisor.typed = (0..64).map(|it| format!("/{it}").into()).collect();
+        assert_eq!(types(&mut bench, fd(&master)).len(), 64);
+        bench.supervisor.typed.pop();
+        assert_eq!(types(&mut bench, fd(&master)).len(), 64);
+    }
+}

@@ -171,4 +171,21 @@ mod tests {
         let told = bench.calls(libc::SYS_write, &fault);
         assert_eq!(told, crate::guest::supervisor::tests::error(Errno::EFAULT));
     }
+
+    /// A socket with a full buffer: the rest waits for its reader.
+    #[test]
+    fn a_long_write_to_a_socket_waits() {
+        let mut bench = Bench::new();
+        let bytes = Room::new(2_000_000);
+        let (one, other) = std::os::unix::net::UnixStream::pair().expect("sockets");
+        let args = [fd(&one), bytes.at(0), 2_000_000];
+        let waits = Told::Waits(On::Files, None);
+        assert_eq!(bench.calls(libc::SYS_write, &args), waits);
+        let done = bench.thread().progress;
+        assert!(done > 0 && done < 2_000_000, "{done}");
+        let mut buf = vec![0; done];
+        (&other).read_exact(&mut buf).expect("they are there");
+        assert_eq!(bench.again(), waits);
+        assert!(bench.thread().progress > done);
+    }
 }

@@ -823,4 +823,21 @@ mod tests {
         assert!(of(libc::SYS_read, &[3, set.at(0), 8]).is_empty());
         assert!(of(libc::SYS_poll, &[8, 1]).is_empty());
     }
+
+    /// Where the kernel holds a port's bytes, it knows the readiness, except that output may be
+    /// stopped. POLLIN is 1, POLLOUT 4, POLLRDNORM 64, POLLWRNORM 256.
+    #[test]
+    fn the_kernel_knows_a_port_that_is_not_stopped() {
+        let mut bench = Bench::new();
+        let _port = bench.opens("sonar");
+        let mut ready = |port, wanted, found| bench.supervisor.port_readiness(port, wanted, found);
+        for found in [0, IN, OUT, IN | OUT, 1 | 4 | 64 | 256] {
+            assert_eq!(ready(0, IN | OUT, found), found);
+        }
+        let terminal = bench.supervisor.stage.terminal(0);
+        terminal.expect("it is there").suspend(true);
+        let mut ready = |found| bench.supervisor.port_readiness(0, IN | OUT, found);
+        assert_eq!(ready(1 | 4 | 64 | 256), 1 | 64);
+        assert_eq!((ready(OUT), ready(IN)), (0, IN));
+    }
 }

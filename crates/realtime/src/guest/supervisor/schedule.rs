@@ -375,4 +375,38 @@ mod tests {
         }
         assert_eq!(bench.supervisor.late.len(), 20);
     }
+
+    /// A stop by a single step uses up an instruction; one by `int3` (CC) is the program's own.
+    #[test]
+    fn a_single_step_uses_up_an_instruction() {
+        use crate::guest::supervisor::State;
+        use crate::guest::tests::Stopped;
+        use rustix::process::WaitOptions;
+
+        let stopped = Stopped::new();
+        stopped.runs(&[0x90, 0x90, 0x90, 0xCC]);
+        let tid = stopped.pid.as_raw();
+        let mut bench = bench(5);
+        bench.add(tid, tid, State::Running);
+        let mut stops = |of: i32, left: u64| {
+            ptrace::step(stopped.pid, None).expect("it stands");
+            super::super::wait(Some(stopped.pid), WaitOptions::empty()).expect("it stops");
+            let schedule = bench.supervisor.schedule.as_mut().expect("set");
+            (schedule.fuel, schedule.drawn) = (Some((of, left)), None);
+            let flow = bench.supervisor.stepped_by_schedule(tid);
+            let schedule = bench.supervisor.schedule.as_ref().expect("set");
+            let goes = flow.map(|flow| matches!(flow, Flow::Goes(None)));
+            (goes, schedule.fuel.map(|(_, left)| left))
+        };
+        assert_eq!(stops(tid, 5), (Some(true), Some(4)));
+        assert_eq!(
+            stops(tid + 1, 5),
+            (None, Some(5)),
+            "those of another thread"
+        );
+        assert_eq!(stops(tid, 1), (Some(false), None), "it loses the processor");
+        assert_eq!(stops(tid, 5), (None, Some(5)), "its own trap");
+        bench.supervisor.schedule = None;
+        assert!(bench.supervisor.stepped_by_schedule(tid).is_none());
+    }
 }

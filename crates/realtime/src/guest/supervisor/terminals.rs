@@ -273,8 +273,9 @@ const fn is_of_ports(request: u64) -> bool {
 mod tests {
     use super::*;
     use crate::guest::settings::TCGETS2;
+    use crate::guest::supervisor::State;
     use crate::guest::supervisor::tests::{Bench, Told, error, fd};
-    use crate::guest::tests::Room;
+    use crate::guest::tests::{Room, Stopped};
 
     const DTR: u32 = 2;
     const RTS: u32 = 4;
@@ -633,5 +634,48 @@ mod tests {
         for request in [libc::TIOCCBRK, libc::TIOCSBRK, libc::TCSBRKP] {
             assert_eq!(ioctl(&mut bench, &port, request, 0), Told::Answer(0));
         }
+    }
+
+    /// capset(2): version 3, the process itself, and six words without a capability.
+    #[test]
+    fn an_exclusive_port_is_refused_without_the_capability() {
+        let process = Stopped::that_calls();
+        let (pid, place) = (process.pid, process.registers().rsp - 2_048);
+        let mut words = [0_u32; 8];
+        words[0] = 0x2008_0522;
+        let bytes = words.map(u32::to_ne_bytes);
+        let written = Memory(pid).write(place, bytes.as_flattened());
+        written.expect("its stack");
+        assert_eq!(process.makes(libc::SYS_capset, &[place, place + 8]), 0);
+        assert!(!may_do_everything(pid.as_raw()));
+        let mut bench = Bench::new();
+        let port = bench.opens("sonar");
+        let path = bench.path("sonar");
+        let path = path.to_str().expect("text").to_owned();
+        let tid = pid.as_raw();
+        bench.add(tid, tid, State::Running);
+        let by_path = Call::made(libc::SYS_open, &[]);
+        // AT_FDCWD is -100.
+        let in_folder = Call::made(libc::SYS_openat, &[(-100_i64).cast_unsigned()]);
+        assert!(!bench.supervisor.is_refused(tid, &by_path, &path));
+        assert_eq!(ioctl(&mut bench, &port, libc::TIOCEXCL, 0), Told::Answer(0));
+        for call in [by_path, in_folder] {
+            assert!(bench.supervisor.is_refused(tid, &call, &path));
+            assert!(!bench.supervisor.is_refused(tid, &call, "/dev/null"));
+        }
+    }
+
+    /// tcsendbreak(3): TCSBRK without an argument waits for nothing; with one it is tcdrain.
+    #[test]
+    fn a_break_is_sent_while_bytes_leave() {
+        let mut bench = Bench::new();
+        let port = bench.opens("sonar");
+        bench.supervisor.stage.begin();
+        let text = Room::of(&[b'x'; 100]);
+        let write = [fd(&port), text.at(0), 100];
+        assert_eq!(bench.calls(libc::SYS_write, &write), Told::Answer(100));
+        let waits = Told::Waits(On::Line, None);
+        assert_eq!(ioctl(&mut bench, &port, libc::TCSBRK, 1), waits);
+        assert_eq!(ioctl(&mut bench, &port, libc::TCSBRK, 0), Told::Answer(0));
     }
 }

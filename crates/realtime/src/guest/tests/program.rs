@@ -61,10 +61,10 @@ fn executable(data: &[u8], code: &[u8]) -> Vec<u8> {
     for value in [64, 56, 2, 0, 0, 0] {
         half(&mut file, value);
     }
-    // Two segments to load that can be executed, written and read: for data, with 16 KiB of
-    // memory, and for code.
-    for (at, memory) in [(0x40_0000, 0x4000), (CODE, len)] {
-        file.extend([1_u32, 7].map(u32::to_le_bytes).as_flattened());
+    // Two segments to load: for data, which can be read and written (6), with 16 KiB of memory,
+    // and for code, which can be read and executed (5).
+    for (flags, at, memory) in [(6_u32, 0x40_0000, 0x4000), (5, CODE, len)] {
+        file.extend([1, flags].map(u32::to_le_bytes).as_flattened());
         for word in [0, at, at, len, memory, 0x1000] {
             file.extend(word.to_le_bytes());
         }
@@ -93,6 +93,15 @@ pub(in crate::guest) fn starts(bench: &mut Bench, data: &[u8], code: &[u8]) -> S
     memory
         .write(place + 4_096, words.as_flattened())
         .expect("its stack");
+    // It has no file but /dev/null.
+    memory
+        .write(place + 8_192, b"/dev/null\0")
+        .expect("its stack");
+    process.makes(libc::SYS_close_range, &[0, u32::MAX.into(), 0]);
+    for number in 0..3 {
+        let opened = process.makes(libc::SYS_open, &[place + 8_192, 2]);
+        assert_eq!(opened, number);
+    }
     // The process itself writes the file: a file that this process has open for writing, or a child
     // of another test, could not be executed.
     let opened = process.makes(libc::SYS_open, &[place, 0o1101, 0o755]);
@@ -104,7 +113,6 @@ pub(in crate::guest) fn starts(bench: &mut Bench, data: &[u8], code: &[u8]) -> S
         assert_eq!(usize::try_from(written), Ok(piece.len()), "{index}");
     }
     assert_eq!(process.makes(libc::SYS_close, &[opened]), 0);
-    // Nothing of its output: 0, 1 and 2 are those of this process.
     // ADDR_NO_RANDOMIZE; PR_SET_TSC with PR_TSC_SIGSEGV.
     process.makes(libc::SYS_personality, &[0x4_0000]);
     process.makes(libc::SYS_prctl, &[26, 2]);

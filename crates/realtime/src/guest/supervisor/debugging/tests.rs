@@ -633,3 +633,27 @@ fn what_a_debugger_has_set_ends_with_a_thread_and_with_it() {
     assert_eq!(it.stopped.registers().rip, at);
     assert!(it.supervisor().stops_for_left(pid).is_none());
 }
+
+/// By hand: `mov %al, (%rbx)` is 88 03. When the debugger has left, it causes no trap.
+#[test]
+fn memory_is_not_watched_for_a_debugger_that_has_left() {
+    let mut it = Debugged::new();
+    let at = it.stopped.runs(&[0x88, 0x03, 0x88, 0x03, 0x90, 0xCC]);
+    let place = (it.stopped.registers().rsp - 64) & !7;
+    it.stopped.change(|registers| registers.rbx = place);
+    for address in [place, place + 8] {
+        let watch = Watchpoint {
+            address,
+            len: 8,
+            reads: false,
+        };
+        assert!(it.debugging().add_watch(watch));
+    }
+    let pid = it.pid;
+    it.supervisor().put_watches(pid);
+    assert_eq!(Stopped::signal_of(it.stopped.goes_on()), libc::SIGTRAP);
+    assert_eq!(it.stopped.registers().rip, at + 2);
+    it.supervisor().end_debugging();
+    assert_eq!(Stopped::signal_of(it.stopped.goes_on()), libc::SIGTRAP);
+    assert_eq!(it.stopped.registers().rip, at + 6, "its own trap");
+}

@@ -282,14 +282,21 @@ fn processes_may_share_memory() {
     assert_eq!(shares(&clone), (vec![false, false], 0));
 }
 
-/// kill(2): by its number, or by that of its group, which is negative (`neg edi` is F7 DF). The
-/// child has ended before its killer goes on.
+/// kill(2): by its number, by that of its group, which is negative (`neg edi` is F7 DF), or by a
+/// handle. The child has ended before its killer goes on.
 #[test]
 fn a_process_kills_its_child_at_once() {
     let by_number = with_first(ZEROS, libc::SYS_kill, &[9]);
     let mut by_group = with_first(ZEROS, libc::SYS_kill, &[9]);
     by_group.splice(7..7, [0xF7, 0xDF]);
-    for kill in [by_number, by_group] {
+    // pidfd_open(2), then pidfd_send_signal with neither data nor flags.
+    let by_handle = [
+        with_first(ZEROS, libc::SYS_pidfd_open, &[0]),
+        keeps(ZEROS + 32),
+        vec![0x41, 0xBA, 0, 0, 0, 0],
+        with_first(ZEROS + 32, libc::SYS_pidfd_send_signal, &[9, 0]),
+    ];
+    for kill in [by_number, by_group, by_handle.concat()] {
         let child = [call(libc::SYS_setpgid, &[0, 0]), rests()].concat();
         let guest = Guest::runs(
             &five(),
@@ -967,4 +974,65 @@ fn a_port_has_the_name_that_the_program_was_given() {
     let text = path.as_os_str().as_encoded_bytes();
     assert_eq!(guest.word(ZEROS + 8), text.len() as u64);
     assert_eq!(guest.bytes(ZEROS + 64, text.len()), text);
+}
+
+/// A program that waits for its port is put back: its memory, its registers and what it has read.
+#[test]
+fn a_program_is_put_back_to_a_moment() {
+    let bench = Bench::new();
+    let data = with_port(&bench, Vec::new());
+    let mut bench = bench;
+    let process = crate::guest::tests::program::starts(
+        &mut bench,
+        &data,
+        &[opens_port(), reads_one_by_one(ZEROS + 64, 100)].concat(),
+    );
+    let tid = process.pid.as_raw();
+    let reads = |bench: &mut Bench, count: u64| {
+        for _ in 0..2_000 {
+            let thread = &bench.supervisor.threads[&tid];
+            let waits = matches!(thread.state, State::Blocked(wait) if wait.on == On::Files);
+            let first = u64::from(ZEROS + 64);
+            if waits && process.registers().rsi == first + count {
+                return;
+            }
+            bench.supervisor.turn().expect("it is supervised");
+        }
+        panic!("it does not read");
+    };
+    let text = || {
+        let mut bytes = [0; 15];
+        let memory = Memory(process.pid);
+        memory
+            .read((ZEROS + 64).into(), &mut bytes)
+            .expect("its memory");
+        bytes
+    };
+    reads(&mut bench, 7);
+    let (moment, registers) = (bench.supervisor.moment(), process.registers());
+    let moment = moment.expect("it waits for its port");
+    let then = bench.now();
+    reads(&mut bench, 14);
+    assert_eq!(&text(), b"mm=700\nmm=700\n\0");
+    for _ in 0..2 {
+        // The rig has no byte on its way.
+        bench.passes(20);
+        assert!(bench.supervisor.put_back(&moment));
+        assert_eq!(&text(), b"mm=700\n\0\0\0\0\0\0\0\0");
+        let now = process.registers();
+        let found = (now.rip, now.rsi, now.rbx, now.r14);
+        assert_eq!(
+            found,
+            (registers.rip, registers.rsi, registers.rbx, registers.r14)
+        );
+        assert_eq!(bench.now(), then);
+        let thread = &bench.supervisor.threads[&tid];
+        assert!(matches!(thread.state, State::Blocked(wait) if wait.on == On::Files));
+        reads(&mut bench, 14);
+        assert_eq!(&text(), b"mm=700\nmm=700\n\0");
+    }
+    // Another set of mappings or files is another program.
+    bench.supervisor.is_signalled = true;
+    assert!(bench.supervisor.moment().is_none());
+    assert!(!bench.supervisor.put_back(&moment));
 }
