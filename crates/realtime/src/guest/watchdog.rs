@@ -158,82 +158,176 @@ impl Drop for Watchdog {
 
 fn watch(shared: &Shared, root: i32, supervision: Supervision) {
     let clock = WallClock::start();
-    let spin_max = supervision.spin_max;
-    let computes = match supervision.schedule {
-        Some(_) => COMPUTES_BY_SCHEDULE,
-        None => COMPUTES,
-    };
-    let patience = (spin_max * STANDS).max(STANDS_MIN);
-    let (mut steps, mut stepped, mut looks) = (0, 0, 0);
-    // State of the thread in all checks since its last action.
-    let mut seen = None;
-    let (mut since, mut time, mut turns, mut moved_at) = (Duration::ZERO, 0, 0, clock.now());
-    // Thread and value of the last measured processor time.
-    let mut last = (0, Duration::ZERO);
+    let mut watching = Watching::new(supervision, clock.now());
     while !shared.is_over.load(Ordering::Relaxed) {
         clock.sleep_until(clock.now() + EVERY);
         shared.beats.fetch_add(1, Ordering::Relaxed);
-        let wall = clock.now();
-        if core::mem::replace(&mut time, shared.now.load(Ordering::Relaxed)) != time {
-            moved_at = wall;
+        let look = Look::at(shared, clock.now());
+        match watching.look(&look) {
+            Found::Nothing => {}
+            Found::Stands(seconds) => {
+                shared.stood.store(seconds, Ordering::Relaxed);
+                // Killing the processes ends any wait.
+                for pid in [look.process, root].into_iter().filter_map(Pid::from_raw) {
+                    let _ = kill_process(pid, Signal::KILL);
+                }
+                return;
+            }
+            Found::Kicks { sleeps, millis } => {
+                shared.sleeps.store(sleeps, Ordering::Relaxed);
+                shared
+                    .kicked
+                    .store(millis.saturating_add(1), Ordering::Relaxed);
+                if let Some(pid) = Pid::from_raw(look.process) {
+                    let _ = kill_process(pid, Signal::STOP);
+                }
+            }
         }
-        // No thread continues between two turns.
-        let has_turned =
-            core::mem::replace(&mut turns, shared.turns.load(Ordering::Relaxed)) != turns;
-        if !has_turned && !shared.is_at_work.load(Ordering::Relaxed) {
-            moved_at = wall;
-        }
-        let by_debugger = shared.stepped.load(Ordering::Relaxed);
-        if core::mem::replace(&mut stepped, by_debugger) != by_debugger {
-            moved_at = wall;
-        }
+    }
+}
+
+/// Observations of one check.
+#[derive(Clone, Copy, Debug)]
+struct Look {
+    wall: Instant,
+    /// Virtual time, and the number of its updates.
+    now: u64,
+    turns: u64,
+    is_at_work: bool,
+    /// Number of single steps for a debugger.
+    stepped: u64,
+    /// The running thread and its process; 0: none.
+    tid: i32,
+    process: i32,
+    /// Processor time and state of this thread, if the system reports them.
+    counted: Option<Duration>,
+    state: Option<char>,
+    /// Number of its actions.
+    steps: u64,
+}
+
+impl Look {
+    fn at(shared: &Shared, wall: Instant) -> Self {
+        let now = shared.now.load(Ordering::Relaxed);
+        let turns = shared.turns.load(Ordering::Relaxed);
+        let is_at_work = shared.is_at_work.load(Ordering::Relaxed);
+        let stepped = shared.stepped.load(Ordering::Relaxed);
         let tid = shared.tid.load(Ordering::Relaxed);
         let process = shared.process.load(Ordering::Relaxed);
-        let counted = used(process, tid).filter(|_| tid != 0);
-        let state = state(process, tid).filter(|_| tid != 0);
-        let now = shared.steps.load(Ordering::Relaxed);
+        Self {
+            wall,
+            now,
+            turns,
+            is_at_work,
+            stepped,
+            tid,
+            process,
+            counted: used(process, tid).filter(|_| tid != 0),
+            state: state(process, tid).filter(|_| tid != 0),
+            steps: shared.steps.load(Ordering::Relaxed),
+        }
+    }
+}
+
+/// Result of a check.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Found {
+    Nothing,
+    /// Virtual time has stood for this many seconds.
+    Stands(u32),
+    /// The thread must be stopped: it sleeps, or has computed for this many milliseconds.
+    Kicks {
+        sleeps: bool,
+        millis: u32,
+    },
+}
+
+/// Results of the checks so far.
+struct Watching {
+    spin_max: Duration,
+    computes: Duration,
+    patience: Duration,
+    steps: u64,
+    stepped: u64,
+    looks: u32,
+    /// State of the thread in all checks since its last action.
+    seen: Option<char>,
+    since: Duration,
+    time: u64,
+    turns: u64,
+    moved_at: Instant,
+    /// Thread and value of the last measured processor time.
+    last: (i32, Duration),
+}
+
+impl Watching {
+    fn new(supervision: Supervision, moved_at: Instant) -> Self {
+        let spin_max = supervision.spin_max;
+        Self {
+            spin_max,
+            computes: match supervision.schedule {
+                Some(_) => COMPUTES_BY_SCHEDULE,
+                None => COMPUTES,
+            },
+            patience: (spin_max * STANDS).max(STANDS_MIN),
+            steps: 0,
+            stepped: 0,
+            looks: 0,
+            seen: None,
+            since: Duration::ZERO,
+            time: 0,
+            turns: 0,
+            moved_at,
+            last: (0, Duration::ZERO),
+        }
+    }
+
+    fn look(&mut self, look: &Look) -> Found {
+        let wall = look.wall;
+        if core::mem::replace(&mut self.time, look.now) != look.now {
+            self.moved_at = wall;
+        }
+        // No thread continues between two turns.
+        let has_turned = core::mem::replace(&mut self.turns, look.turns) != look.turns;
+        if !has_turned && !look.is_at_work {
+            self.moved_at = wall;
+        }
+        if core::mem::replace(&mut self.stepped, look.stepped) != look.stepped {
+            self.moved_at = wall;
+        }
+        let has_computed = has_computed(&mut self.last, look.tid, look.counted);
         // Another limit applies to computing without a call. Calls that take no virtual time are
         // counted.
-        if has_computed(&mut last, tid, counted) && state == Some('R') && now == steps {
-            moved_at = wall;
+        if has_computed && look.state == Some('R') && look.steps == self.steps {
+            self.moved_at = wall;
         }
-        if wall - moved_at >= patience {
-            let seconds = u32::try_from((wall - moved_at).as_secs()).unwrap_or(u32::MAX);
-            shared.stood.store(seconds, Ordering::Relaxed);
-            // Killing the processes ends any wait.
-            for pid in [process, root].into_iter().filter_map(Pid::from_raw) {
-                let _ = kill_process(pid, Signal::KILL);
-            }
-            return;
+        if wall - self.moved_at >= self.patience {
+            let seconds = (wall - self.moved_at).as_secs();
+            return Found::Stands(u32::try_from(seconds).unwrap_or(u32::MAX));
         }
-        let used = counted.unwrap_or(wall - Instant::ZERO);
-        if tid == 0 || now != steps {
-            (steps, looks, since) = (now, 0, used);
-            continue;
+        let used = look.counted.unwrap_or(wall - Instant::ZERO);
+        if look.tid == 0 || look.steps != self.steps {
+            (self.steps, self.looks, self.since) = (look.steps, 0, used);
+            return Found::Nothing;
         }
-        if core::mem::replace(&mut seen, state) != state {
-            (looks, since) = (0, used);
+        if core::mem::replace(&mut self.seen, look.state) != look.state {
+            (self.looks, self.since) = (0, used);
         }
-        looks += 1;
-        let computed = used.saturating_sub(since);
-        let (sleeps, is_enough) = match state {
-            Some('S') => (true, looks >= SLEEPS),
+        self.looks += 1;
+        let computed = used.saturating_sub(self.since);
+        let (sleeps, is_enough) = match look.state {
+            Some('S') => (true, self.looks >= SLEEPS),
             // The thread waits for a disk, which may take long on a busy machine.
-            Some('D') => (true, looks >= FETCHES),
-            Some('R') => (false, computed >= spin_max.min(computes)),
-            _ => continue,
+            Some('D') => (true, self.looks >= FETCHES),
+            Some('R') => (false, computed >= self.spin_max.min(self.computes)),
+            _ => return Found::Nothing,
         };
-        if is_enough {
-            let millis = u32::try_from(computed.as_millis()).unwrap_or(u32::MAX);
-            shared.sleeps.store(sleeps, Ordering::Relaxed);
-            shared
-                .kicked
-                .store(millis.saturating_add(1), Ordering::Relaxed);
-            (looks, since) = (0, used);
-            if let Some(pid) = Pid::from_raw(process) {
-                let _ = kill_process(pid, Signal::STOP);
-            }
+        if !is_enough {
+            return Found::Nothing;
         }
+        (self.looks, self.since) = (0, used);
+        let millis = u32::try_from(computed.as_millis()).unwrap_or(u32::MAX);
+        Found::Kicks { sleeps, millis }
     }
 }
 
@@ -392,5 +486,187 @@ mod tests {
         assert_eq!(ticks(stat), Some(Duration::from_millis(10)));
         let most = format!("7 (a) R 1 7 7 0 -1 4194304 90 0 0 0 {} 1 6", u64::MAX);
         assert_eq!(ticks(&most), Some(Duration::from_millis(u64::MAX)));
+    }
+
+    /// A thread that runs: number 7 of process 5, in its first turn.
+    const RUNS: Look = Look {
+        wall: Instant::ZERO,
+        now: 0,
+        turns: 1,
+        is_at_work: true,
+        stepped: 0,
+        tid: 7,
+        process: 5,
+        counted: None,
+        state: Some('R'),
+        steps: 1,
+    };
+
+    fn by(spin_max: u64, schedule: bool) -> Watching {
+        let supervision = Supervision {
+            spin_max: Duration::from_secs(spin_max),
+            schedule: schedule.then_some(crate::exec::Schedule::Seed(1)),
+            ..Supervision::default()
+        };
+        Watching::new(supervision, Instant::ZERO)
+    }
+
+    /// Looks each 50 ms; the numbers of the looks with a result, and the results.
+    fn results(watching: &mut Watching, count: u64, of: impl Fn(u64) -> Look) -> Vec<(u64, Found)> {
+        let looks = (1..=count).map(|index| {
+            let wall = Instant::from_millis(50 * index);
+            let look = Look { wall, ..of(index) };
+            (index, watching.look(&look))
+        });
+        looks
+            .filter(|(_, found)| *found != Found::Nothing)
+            .collect()
+    }
+
+    const SLEEPS_NOW: Found = Found::Kicks {
+        sleeps: true,
+        millis: 0,
+    };
+
+    /// By hand: the first look sees the last action; each second one after it is a stop. For a
+    /// thread that waits for a disk, each 200th one is.
+    #[test]
+    fn a_thread_that_sleeps_is_stopped() {
+        let asleep = |state| {
+            move |_| Look {
+                state: Some(state),
+                counted: Some(Duration::from_millis(3)),
+                ..RUNS
+            }
+        };
+        let found = results(&mut by(10, false), 5, asleep('S'));
+        assert_eq!(found, [(3, SLEEPS_NOW), (5, SLEEPS_NOW)]);
+        let found = results(&mut by(10, false), 402, asleep('D'));
+        assert_eq!(found, [(201, SLEEPS_NOW), (401, SLEEPS_NOW)]);
+        assert!(results(&mut by(10, false), 100, asleep('t')).is_empty());
+        // One that acts, or that sleeps and runs in turn, is not; nor is no thread.
+        let acts = |index| Look {
+            steps: index,
+            ..asleep('S')(index)
+        };
+        assert!(results(&mut by(10, false), 100, acts).is_empty());
+        let changes = |index: u64| asleep(if index.is_multiple_of(2) { 'S' } else { 'R' })(index);
+        assert!(results(&mut by(10, false), 100, changes).is_empty());
+        let none = |index| Look {
+            tid: 0,
+            ..asleep('S')(index)
+        };
+        assert!(results(&mut by(10, false), 100, none).is_empty());
+    }
+
+    /// By hand: the second look is the first that sees the thread run, with 40 ms. After 1 s more it
+    /// is stopped; with `--schedule` after 100 ms, and with a limit below 1 s after that.
+    #[test]
+    fn a_thread_that_computes_is_stopped() {
+        let computes = |index| Look {
+            counted: Some(Duration::from_millis(20 * index)),
+            ..RUNS
+        };
+        let stops = |millis| Found::Kicks {
+            sleeps: false,
+            millis,
+        };
+        let found = results(&mut by(10, false), 101, computes);
+        assert_eq!(found, [(52, stops(1_000))]);
+        let found = results(&mut by(10, true), 12, computes);
+        assert_eq!(found, [(7, stops(100)), (12, stops(100))]);
+        let found = results(&mut by(0, false), 3, computes);
+        assert_eq!(found, [(2, stops(0)), (3, stops(20))]);
+        // Without a measure it is the time of the wall.
+        let found = results(&mut by(10, false), 25, |_| RUNS);
+        assert_eq!(found, [(22, stops(1_000))]);
+    }
+
+    /// By hand: three times the limit of computing, and at least 30 s: 600 looks after the last
+    /// progress.
+    #[test]
+    fn virtual_time_that_stands_is_an_end() {
+        let first = |limit, of: &dyn Fn(u64) -> Look| {
+            let mut watching = by(limit, false);
+            let mut found = results(&mut watching, 2_000, |index| Look {
+                steps: index,
+                ..of(index)
+            });
+            found.truncate(1);
+            found
+        };
+        let stands = |_| RUNS;
+        // The first look sees the first turn, but no progress of time.
+        assert_eq!(first(10, &stands), [(600, Found::Stands(30))]);
+        assert_eq!(first(5, &stands), [(600, Found::Stands(30))]);
+        assert_eq!(first(20, &stands), [(1_200, Found::Stands(60))]);
+        // Time that moves, up to the 100th look.
+        let moves = |index: u64| Look {
+            now: index.min(100),
+            ..RUNS
+        };
+        assert_eq!(first(10, &moves), [(700, Found::Stands(30))]);
+        let steps = |index: u64| Look {
+            stepped: index.min(100),
+            ..RUNS
+        };
+        assert_eq!(first(10, &steps), [(700, Found::Stands(30))]);
+        // Between two turns nothing has to move; a turn that began and ended is one.
+        let rests = |index: u64| Look {
+            is_at_work: index > 100,
+            ..RUNS
+        };
+        assert_eq!(first(10, &rests), [(700, Found::Stands(30))]);
+        let turns = |index: u64| Look {
+            is_at_work: false,
+            turns: index,
+            ..RUNS
+        };
+        assert_eq!(first(10, &turns), [(600, Found::Stands(30))]);
+    }
+
+    /// A thread that computes without an action has another limit.
+    #[test]
+    fn virtual_time_may_stand_while_a_thread_computes() {
+        let ends = |of: &dyn Fn(u64) -> Look| {
+            let found = results(&mut by(10, false), 1_000, of);
+            found
+                .into_iter()
+                .any(|(_, found)| matches!(found, Found::Stands(_)))
+        };
+        let computes = |index| Look {
+            counted: Some(Duration::from_millis(index)),
+            ..RUNS
+        };
+        assert!(!ends(&computes));
+        assert!(ends(&|index| Look {
+            steps: index,
+            ..computes(index)
+        }));
+        assert!(ends(&|index| Look {
+            state: Some('S'),
+            ..computes(index)
+        }));
+        assert!(ends(&|_| computes(3)));
+    }
+
+    /// What a check observes of this very thread.
+    #[test]
+    fn a_look_is_that_of_the_running_thread() {
+        let dog = still();
+        let own = nix::unistd::gettid().as_raw();
+        dog.watch(own, std::process::id().cast_signed());
+        dog.begin_turn(Instant::from_nanos(9));
+        dog.count_step();
+        let wall = Instant::from_millis(8);
+        let look = Look::at(&dog.shared, wall);
+        let times = (look.wall, look.now, look.turns, look.is_at_work);
+        assert_eq!(times, (wall, 9, 1, true));
+        assert_eq!((look.tid, look.steps, look.stepped), (own, 1, 1));
+        assert_eq!(look.state, Some('R'));
+        assert!(look.counted.is_some());
+        dog.rest();
+        let look = Look::at(&dog.shared, wall);
+        assert_eq!((look.tid, look.counted, look.state), (0, None, None));
     }
 }
