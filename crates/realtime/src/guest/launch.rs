@@ -429,10 +429,15 @@ fn filter_of(
     Ok(program)
 }
 
-/// The filter of a program in virtual time, in the kernel's format.
+/// The filters of a program in virtual time and of one with modem lines, in the kernel's format.
 #[cfg(test)]
-pub(super) fn filter() -> Vec<[u8; 8]> {
-    let program = filter_of(all_stopped).expect("valid");
+pub(super) fn filters() -> [Vec<[u8; 8]>; 2] {
+    [all_stopped, about_lines].map(|stopped| in_bytes(stopped))
+}
+
+#[cfg(test)]
+fn in_bytes(stopped: fn() -> Result<Rules, seccompiler::BackendError>) -> Vec<[u8; 8]> {
+    let program = filter_of(stopped).expect("valid");
     let bytes = program.iter().map(|step| {
         let mut bytes = [0; 8];
         bytes[..2].copy_from_slice(&step.code.to_ne_bytes());

@@ -5,8 +5,10 @@ use std::os::fd::OwnedFd;
 
 use super::super::settings::{TCGETS2, TCSETS2};
 use super::*;
-use crate::guest::tests::{Room, own};
+use crate::guest::tests::program::{DATA, ZEROS, call, exit, if_zero, keeps};
+use crate::guest::tests::{Room, own, program};
 use nix::errno::Errno;
+use std::os::fd::AsRawFd as _;
 
 /// A tracer whose rig answers with these lines, and what it hears.
 fn tracer(answers: &str) -> (Tracer, BufReader<UnixStream>) {
@@ -346,4 +348,120 @@ fn a_port_is_found_behind_a_file() {
     let fd = std::os::fd::AsRawFd::as_raw_fd(&zero).unsigned_abs().into();
     assert_eq!(tracer.port_at(own(), fd), None);
     assert!(!tracer.ports.is_empty(), "no terminal");
+}
+
+/// Follows a program with these data and this code, whose port is the other end of a terminal. The
+/// rig answers with these lines, and has ended then. The system's status, and what the rig heard.
+fn follows(data: &[u8], code: &[&[u8]], answers: &[&str]) -> (i32, Vec<Value>) {
+    let [_master, slave] = terminal();
+    let device = rustix::fs::fstat(&slave).expect("open").st_rdev;
+    let path = std::fs::read_link(format!("/proc/self/fd/{}", slave.as_raw_fd()));
+    let path = path.expect("it has a name");
+    let mut all = data.to_vec();
+    all.resize(64, 0);
+    all.extend(path.as_os_str().as_encoded_bytes());
+    let folder =
+        std::env::temp_dir().join(format!("hilrig-follows-{}-{device}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a free name");
+    let [_, filter] = launch::filters();
+    let process = program::becomes(&folder, &filter, &all, &code.concat());
+    // A launcher stops before it becomes its program.
+    process.change(|registers| registers.rip -= 1);
+    ptrace::cont(process.pid, None).expect("it stands");
+    let (mut tracer, far) = tracer(&answers.concat());
+    tracer.ports = BTreeMap::from([(device, "sonar".to_owned())]);
+    far.get_ref()
+        .shutdown(std::net::Shutdown::Write)
+        .expect("open");
+    let status = tracer.follow(process.pid.as_raw()).expect("it is traced");
+    core::mem::forget(process);
+    drop(tracer);
+    std::fs::remove_dir_all(&folder).expect("ours");
+    let lines = far.lines().map_while(Result::ok);
+    let heard = lines.map(|line| serde_json::from_str(&line).expect("JSON"));
+    (status, heard.collect())
+}
+
+/// The code of a program's end is the number at `place`.
+fn ends_with(place: u32) -> Vec<u8> {
+    let mut code = vec![0x8B, 0x3C, 0x25];
+    code.extend(place.to_le_bytes());
+    code.extend(call(libc::SYS_exit_group, &[]));
+    code
+}
+
+/// `mov edi, [ZEROS]`, and a request to the port that is open there.
+fn requests(request: u32, argument: u32) -> Vec<u8> {
+    let mut code = vec![0x8B, 0x3C, 0x25];
+    code.extend(ZEROS.to_le_bytes());
+    code.push(0xBE);
+    code.extend(request.to_le_bytes());
+    code.push(0xBA);
+    code.extend(argument.to_le_bytes());
+    code.extend(call(libc::SYS_ioctl, &[]));
+    code.extend(keeps(ZEROS + 8));
+    code
+}
+
+/// O_RDWR and O_NOCTTY.
+fn opens() -> Vec<u8> {
+    [call(libc::SYS_open, &[DATA + 64, 0o402, 0]), keeps(ZEROS)].concat()
+}
+
+/// wait(2): a code is in the second byte, a signal in the first one. SIGILL is 4 (`ud2`, 0F 0B); a
+/// signal above 31 is passed on as it is.
+#[test]
+fn a_program_is_followed_to_its_end() {
+    assert_eq!(follows(&[], &[&exit(3)], &[]).0, 0x300);
+    assert_eq!(follows(&[], &[&[0x0F, 0x0B]], &[]).0, 4);
+    // `mov edi, eax; mov esi, 35; mov eax, 62; syscall`: kill(itself, 35).
+    let kills = [0x89, 0xC7, 0xBE, 35, 0, 0, 0, 0xB8, 62, 0, 0, 0, 0x0F, 0x05];
+    let own = call(libc::SYS_getpid, &[]);
+    assert_eq!(follows(&[], &[&own, &kills, &exit(1)], &[]).0, 35);
+    // A child that ends with 7, and SIGCHLD, which does nothing.
+    let waits = [
+        call(libc::SYS_fork, &[]),
+        if_zero(&exit(7)),
+        call(libc::SYS_wait4, &[u32::MAX, ZEROS, 0, 0]),
+        ends_with(ZEROS + 1),
+    ];
+    assert_eq!(follows(&[], &[&waits.concat()], &[]).0, 0x700);
+}
+
+/// TIOCMGET is 0x5415; DTR is 2, CTS 0x20 (ioctl_tty(2)).
+#[test]
+fn a_program_reads_the_lines_of_its_port() {
+    let lines = "{\"ok\":true,\"dtr\":true,\"cts\":true}\n";
+    let code = [opens(), requests(0x5415, ZEROS + 16), ends_with(ZEROS + 16)];
+    let (status, heard) = follows(&[], &[&code.concat()], &[lines]);
+    assert_eq!(status, 0x2200);
+    assert_eq!(heard, [json!({"do": "modem", "port": "sonar"})]);
+    // Another file is a matter of the kernel: ENOTTY is 25, as the low byte of its negative.
+    let code = [
+        call(libc::SYS_memfd_create, &[DATA, 0]),
+        keeps(ZEROS),
+        requests(0x5415, ZEROS + 16),
+        ends_with(ZEROS + 8),
+    ];
+    let (status, heard) = follows(&[], &[&code.concat()], &[lines]);
+    assert_eq!((status, heard), (0xE700, Vec::new()));
+}
+
+/// TIOCMIWAIT is 0x545C: a change of CTS, which comes with the fourth answer. Without a rig it is
+/// an error: EIO is 5.
+#[test]
+fn a_program_waits_for_a_line_of_its_port() {
+    let low = "{\"ok\":true,\"cts\":false}\n";
+    let high = "{\"ok\":true,\"cts\":true}\n";
+    let code = [opens(), requests(0x545C, 0x20), ends_with(ZEROS + 8)];
+    let code = code.concat();
+    let (status, heard) = follows(&[], &[&code], &[low, low, low, high]);
+    assert_eq!(status, 0);
+    assert_eq!(heard, vec![json!({"do": "modem", "port": "sonar"}); 4]);
+    let (status, _) = follows(&[], &[&code], &[low, low]);
+    assert_eq!(status, 0xFB00);
+    // Another line.
+    let dcd = "{\"ok\":true,\"dcd\":true}\n";
+    let (status, heard) = follows(&[], &[&code], &[low, dcd, dcd, high]);
+    assert_eq!((status, heard.len()), (0, 4));
 }

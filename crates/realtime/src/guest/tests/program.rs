@@ -1,8 +1,10 @@
 //! A program of a few instructions, without a C library, that runs in virtual time: each run of it
 //! executes the same instructions at the same addresses.
 
+use std::path::Path;
+
 use nix::libc;
-use nix::sys::ptrace;
+use nix::sys::ptrace::{self, Options};
 
 use super::Stopped;
 use crate::guest::memory::Memory;
@@ -78,12 +80,29 @@ fn executable(data: &[u8], code: &[u8]) -> Vec<u8> {
 /// Lets a process of the bench become a program with these data and this code, as a launcher does:
 /// it stands before that, and is the bench's only process. Its file has the name "program".
 pub(in crate::guest) fn starts(bench: &mut Bench, data: &[u8], code: &[u8]) -> Stopped {
+    let [filter, _] = crate::guest::launch::filters();
+    let process = becomes(bench.folder.path(), &filter, data, code);
+    let options = crate::guest::supervisor::options();
+    ptrace::setoptions(process.pid, options).expect("it stands");
+    adopts(bench, process.pid);
+    process
+}
+
+/// A process that stands before the call by which it becomes the program with these data and this
+/// code, in `folder`. Before this call is `int3`.
+pub(in crate::guest) fn becomes(
+    folder: &Path,
+    filter: &[[u8; 8]],
+    data: &[u8],
+    code: &[u8],
+) -> Stopped {
     let process = Stopped::in_group_of_its_own();
     let pid = process.pid;
-    ptrace::setoptions(pid, crate::guest::supervisor::options()).expect("it stands");
+    let options = Options::PTRACE_O_TRACESYSGOOD;
+    ptrace::setoptions(pid, options).expect("it stands");
     let place = process.registers().rsp - 16_384;
     let memory = Memory(pid);
-    let path = bench.folder.path().join("program");
+    let path = folder.join("program");
     let path = path.to_str().expect("a plain name");
     let file = executable(data, code);
     let name = [path.as_bytes(), &[0]].concat();
@@ -116,19 +135,19 @@ pub(in crate::guest) fn starts(bench: &mut Bench, data: &[u8], code: &[u8]) -> S
     // ADDR_NO_RANDOMIZE; PR_SET_TSC with PR_TSC_SIGSEGV.
     process.makes(libc::SYS_personality, &[0x4_0000]);
     process.makes(libc::SYS_prctl, &[26, 2]);
-    process.gets_filter(&crate::guest::launch::filter());
+    process.gets_filter(filter);
     memory.write(place, &name).expect("its stack");
     memory
         .write(place + 4_096, words.as_flattened())
         .expect("its stack");
-    process.runs(&[0x0F, 0x05, 0xCC]);
+    process.runs(&[0xCC, 0x0F, 0x05, 0xCC]);
     process.change(|registers| {
+        registers.rip += 1;
         registers.rax = libc::SYS_execve.cast_unsigned();
         registers.rdi = place;
         registers.rsi = place + 4_096;
         registers.rdx = place + 4_104;
     });
-    adopts(bench, pid);
     process
 }
 
