@@ -456,3 +456,190 @@ fn a_run_is_judged_or_cut_when_the_debugger_leaves() {
     assert_eq!(ends(Leave::Detached, &|| false, false), "cut false");
     assert_eq!(ends(Leave::Detached, always, true), "not there");
 }
+
+/// A debugger at the other end of the connection.
+struct Client(std::io::BufReader<std::net::TcpStream>);
+
+impl Client {
+    fn connect(port: u16) -> Self {
+        let stream = std::net::TcpStream::connect(("127.0.0.1", port)).expect("it listens");
+        Self(std::io::BufReader::new(stream))
+    }
+
+    /// The answer to a packet of the remote protocol, behind its text for the user.
+    fn asks(&mut self, text: &str) -> String {
+        use std::io::Write as _;
+
+        let sum = text.bytes().fold(0_u8, u8::wrapping_add);
+        write!(self.0.get_mut(), "${text}#{sum:02x}").expect("it is there");
+        let mut shown = String::new();
+        loop {
+            let answer = self.packet();
+            match answer.strip_prefix('O') {
+                Some(more) if more != "K" => shown += &in_text(more),
+                _ => return shown + &answer,
+            }
+        }
+    }
+
+    fn packet(&mut self) -> String {
+        use std::io::{BufRead as _, Read as _, Write as _};
+
+        let (mut before, mut text, mut sum) = (Vec::new(), Vec::new(), [0; 2]);
+        self.0.read_until(b'$', &mut before).expect("it is there");
+        self.0.read_until(b'#', &mut text).expect("it is there");
+        self.0.read_exact(&mut sum).expect("it is there");
+        self.0.get_mut().write_all(b"+").expect("it is there");
+        text.pop();
+        // Run lengths: `*` and a character for the number of further copies, from 29 on.
+        let mut plain = String::new();
+        let mut bytes = text.into_iter();
+        while let Some(byte) = bytes.next() {
+            match (byte, plain.chars().last()) {
+                (b'*', Some(last)) => {
+                    let count = bytes.next().expect("a count") - 29;
+                    plain.extend(core::iter::repeat_n(last, count.into()));
+                }
+                _ => plain.push(byte.into()),
+            }
+        }
+        plain
+    }
+}
+
+/// The text of its hexadecimal bytes.
+fn in_text(hex: &str) -> String {
+    let bytes = hex.as_bytes().chunks_exact(2);
+    let byte = |pair| u8::from_str_radix(core::str::from_utf8(pair).expect("ASCII"), 16);
+    let bytes: Vec<u8> = bytes.map(|pair| byte(pair).expect("hex")).collect();
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+/// Debugs a program; a client acts as `script` says. What becomes of it.
+fn debugs_by(code: &[u8], script: impl FnOnce(&mut Client) + Send + 'static) -> Debugged {
+    use core::sync::atomic::{AtomicBool, Ordering};
+    use std::sync::Arc;
+
+    let folders = RefCell::new(Vec::new());
+    let mut start = || {
+        let mut bench = Bench::new();
+        let process = starts(&mut bench, &[], code);
+        let (trial, folder) = trial_of_program(bench, process.pid.as_raw());
+        core::mem::forget(process);
+        folders.borrow_mut().push(folder);
+        Some(trial)
+    };
+    let has_failed = Arc::new(AtomicBool::new(false));
+    let (script, client) = (RefCell::new(Some(script)), RefCell::new(None));
+    let say = |text: &str| {
+        let port = text.rsplit_once("target remote :").map(|(_, port)| port);
+        let port = port.and_then(|port| port.trim_end_matches('\'').parse().ok());
+        let (Some(port), Some(script)) = (port, script.borrow_mut().take()) else {
+            return;
+        };
+        let has_failed = Arc::clone(&has_failed);
+        *client.borrow_mut() = Some(std::thread::spawn(move || {
+            let run = std::panic::AssertUnwindSafe(|| script(&mut Client::connect(port)));
+            let done = std::panic::catch_unwind(run);
+            has_failed.store(done.is_err(), Ordering::Relaxed);
+        }));
+    };
+    let debugged = debug(
+        DebugSettings {
+            program: Some("program".to_owned()),
+            ..DebugSettings::default()
+        },
+        Surroundings {
+            start: &mut start,
+            goes_on: &|| !has_failed.load(Ordering::Relaxed),
+            say: &say,
+        },
+    );
+    let client = client.borrow_mut().take().expect("it was invited");
+    client.join().expect("its panic is caught");
+    assert!(!has_failed.load(Ordering::Relaxed), "its message is above");
+    debugged.expect("it is supervised")
+}
+
+/// GDB's manual, "Remote Protocol": what a stub supports, and the answers to packets. Thread 1 is
+/// the first one, SIGTRAP 5.
+#[test]
+fn a_debugger_steps_forward_and_back() {
+    let debugged = debugs_by(&three_times(), |gdb| {
+        let asked = "qSupported:swbreak+;hwbreak+;fork-events+;vfork-events+";
+        let features = gdb.asks(asked);
+        for name in ["ReverseContinue+", "ReverseStep+", "swbreak+", "hwbreak+"] {
+            assert!(features.contains(name), "{features}");
+        }
+        for name in [
+            "qXfer:auxv:read+",
+            "qXfer:exec-file:read+",
+            "vContSupported+",
+        ] {
+            assert!(features.contains(name), "{features}");
+        }
+        assert!(!features.contains("fork-events"), "{features}");
+        assert!(gdb.asks("?").starts_with("T05"));
+        assert_eq!(gdb.asks("vCont?"), "vCont;c;C;s;S;r");
+        let file = gdb.asks("qXfer:exec-file:read::0,fff");
+        assert!(file.ends_with("/program"), "{file}");
+        assert!(gdb.asks("qXfer:auxv:read::0,10").starts_with('m'));
+        let at = ENTRY + 5;
+        assert_eq!(gdb.asks(&format!("m{at:x},5")), "90ffc975fb");
+        assert_eq!(gdb.asks(&format!("Z0,{at:x},1")), "OK");
+        let stop = gdb.asks("vCont;c");
+        assert!(
+            stop.starts_with("T05") && stop.contains("swbreak:"),
+            "{stop}"
+        );
+        assert_eq!(gdb.asks(&format!("z0,{at:x},1")), "OK");
+        // `nop; dec ecx`, and back.
+        // All registers; the instruction pointer is behind 16 of them.
+        let place = |gdb: &mut Client| gdb.asks("g")[256..272].to_owned();
+        let here = place(gdb);
+        for _ in 0..2 {
+            let stop = gdb.asks("vCont;s:1");
+            assert!(stop.starts_with("T05"), "{stop}");
+        }
+        assert_ne!(place(gdb), here);
+        for _ in 0..2 {
+            assert!(gdb.asks("bs").starts_with("T05"));
+        }
+        assert_eq!(place(gdb), here);
+        // A range of instructions: up to the first one outside of it.
+        let range = format!("vCont;r{:x},{:x}:1", at, at + 3);
+        assert!(gdb.asks(&range).starts_with("T05"));
+        let stop = gdb.asks("bc");
+        assert!(stop.contains("replaylog:begin"), "{stop}");
+        let time = gdb.asks("qRcmd,74696d65");
+        assert!(time.starts_with("rig 0.000000 s, program "), "{time}");
+        assert!(in_text(&gdb.asks("qThreadExtraInfo,1")).starts_with("program ("));
+        assert_eq!(gdb.asks(&format!("Z2,{ZEROS:x},4")), "OK");
+        assert_eq!(gdb.asks(&format!("z2,{ZEROS:x},4")), "OK");
+        assert_eq!(gdb.asks("D"), "OK");
+    });
+    assert!(matches!(debugged, Debugged::Judged(_)));
+}
+
+/// A run is over at the end of its program: the debugger gets its code, 3, or its signal.
+#[test]
+fn a_debugger_sees_the_end_of_a_program() {
+    let debugged = debugs_by(&exit(3), |gdb| {
+        assert!(gdb.asks("?").starts_with("T05"));
+        assert_eq!(gdb.asks("vCont;c"), "W03");
+    });
+    assert!(matches!(debugged, Debugged::Judged(_)));
+    // `ud2`: SIGILL is 4. It is told at the instruction, and ends the program behind it.
+    let debugged = debugs_by(&[0x90, 0x0F, 0x0B], |gdb| {
+        assert!(gdb.asks("?").starts_with("T05"));
+        let stop = gdb.asks("vCont;c");
+        assert!(stop.starts_with("T04"), "{stop}");
+        assert_eq!(gdb.asks("vCont;C04:1"), "X04");
+    });
+    assert!(matches!(debugged, Debugged::Judged(_)));
+    let debugged = debugs_by(&nops(), |gdb| {
+        assert!(gdb.asks("?").starts_with("T05"));
+        assert_eq!(gdb.asks("vKill;1"), "OK");
+    });
+    assert!(matches!(debugged, Debugged::Killed(_)));
+}
