@@ -144,6 +144,18 @@ impl Watchdog {
         })
     }
 
+    /// The watchdog has stopped the thread for this reason.
+    #[cfg(test)]
+    pub(super) fn has_stopped(&self, kick: Kick) {
+        let (sleeps, millis) = match kick {
+            Kick::Sleeps => (true, 0),
+            Kick::Computes(time) => (false, time.as_millis()),
+        };
+        let millis = u32::try_from(millis).expect("short") + 1;
+        self.shared.sleeps.store(sleeps, Ordering::Relaxed);
+        self.shared.kicked.store(millis, Ordering::Relaxed);
+    }
+
     /// Waits in wall time.
     pub(super) fn pause(&self, length: Duration) {
         self.clock.sleep_until(self.clock.now() + length);

@@ -284,6 +284,9 @@ mod tests {
             assert_eq!(it.begins(libc::SYS_msgrcv, &takes), FOR_EVER);
             it.repeats(libc::SYS_msgrcv);
             assert_eq!(it.process.registers().r8, 0o10_000);
+            // A signal that does nothing, SIGWINCH, comes before it.
+            let winch = nix::sys::signal::Signal::SIGWINCH;
+            nix::sys::signal::kill(it.process.pid, winch).expect("ours");
             assert_eq!(it.again(), FOR_EVER);
             it.repeats(libc::SYS_msgrcv);
             memory.write(place, message.as_flattened()).expect("stack");

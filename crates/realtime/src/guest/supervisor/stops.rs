@@ -101,3 +101,96 @@ pub(super) fn thread_name(tid: i32) -> String {
     let name = std::fs::read_to_string(format!("/proc/{tid}/comm")).unwrap_or_default();
     format!("{} ({tid})", name.trim())
 }
+
+#[cfg(test)]
+mod tests {
+    use core::time::Duration;
+
+    use super::*;
+    use crate::guest::supervisor::tests::Bench;
+    use crate::guest::tests::Stopped;
+
+    fn with(stopped: &Stopped) -> (Bench, i32) {
+        let mut bench = Bench::new();
+        let tid = stopped.pid.as_raw();
+        bench.add(tid, tid, State::Running);
+        (bench, tid)
+    }
+
+    /// A thread that computes (`inc eax; jmp -4`) for less than 10 s since its last call goes on;
+    /// with 10 s the run ends.
+    #[test]
+    fn a_thread_computes_up_to_a_limit() {
+        let stopped = Stopped::new();
+        stopped.runs(&[0xFF, 0xC0, 0xEB, 0xFC]);
+        let (mut bench, tid) = with(&stopped);
+        let thread = bench.supervisor.threads.get_mut(&tid).expect("added");
+        thread.computed = Duration::from_secs(8);
+        let mut kicked = |millis| {
+            let kick = Kick::Computes(Duration::from_millis(millis));
+            bench.supervisor.watchdog.has_stopped(kick);
+            assert!(matches!(bench.supervisor.kicked(tid), Flow::Stays));
+            let computed = bench.supervisor.threads[&tid].computed;
+            let is_held = bench.supervisor.held_over.take().is_some();
+            (
+                computed.as_millis(),
+                is_held,
+                bench.supervisor.trouble.take(),
+            )
+        };
+        assert!(matches!(kicked(1_999), (9_999, true, None)));
+        let Some(GuestError::Spins(name, time)) = kicked(1).2 else {
+            panic!("it is the limit");
+        };
+        assert_eq!(name, format!("sleep ({tid})"));
+        assert_eq!(time, Duration::from_secs(10));
+        assert_eq!(bench.supervisor.queue, [tid]);
+    }
+
+    /// A thread that sleeps in the kernel is outside of virtual time; one that has left its call
+    /// goes on.
+    #[test]
+    fn a_thread_that_sleeps_is_outside() {
+        let stopped = Stopped::new();
+        let (mut bench, tid) = with(&stopped);
+        bench.supervisor.watchdog.has_stopped(Kick::Sleeps);
+        assert!(matches!(bench.supervisor.kicked(tid), Flow::Stays));
+        let thread = &bench.supervisor.threads[&tid];
+        assert!(matches!(thread.state, State::Outside));
+        let call = thread.outside.expect("its call").number;
+        let name = call::name(call);
+        let note = format!("waits in the kernel in {name}");
+        assert!(["nanosleep", "clock_nanosleep"].contains(&&*name), "{name}");
+        assert_eq!(bench.supervisor.notes(), [note]);
+        let stopped = Stopped::new();
+        stopped.runs(&[0x90; 8]);
+        let (mut bench, tid) = with(&stopped);
+        bench.supervisor.watchdog.has_stopped(Kick::Sleeps);
+        assert!(matches!(bench.supervisor.kicked(tid), Flow::Goes(None)));
+        assert!(bench.supervisor.notes().is_empty());
+    }
+
+    /// SIGCONT, 18, continues a process that a signal has stopped.
+    #[test]
+    fn a_halted_process_goes_on_by_its_signal() {
+        let stopped = Stopped::new();
+        let (mut bench, tid) = with(&stopped);
+        bench.supervisor.set_state(tid, State::Halted);
+        bench.supervisor.look_for_continuation();
+        assert!(bench.supervisor.queue.is_empty());
+        bench.supervisor.note_halted();
+        let note = format!(
+            "sleep ({tid}) was stopped by a signal (SIGSTOP or its like) and got no SIGCONT"
+        );
+        assert_eq!(bench.supervisor.notes(), [note]);
+        nix::sys::signal::kill(stopped.pid, Signal::SIGCONT).expect("ours");
+        bench.supervisor.set_state(tid, State::Running);
+        bench.supervisor.look_for_continuation();
+        assert!(bench.supervisor.queue.is_empty(), "it is not halted");
+        bench.supervisor.set_state(tid, State::Halted);
+        bench.supervisor.look_for_continuation();
+        assert_eq!(bench.supervisor.queue, [tid]);
+        let state = bench.supervisor.threads[&tid].state;
+        assert!(matches!(state, State::Ready(Next::Go(None))));
+    }
+}

@@ -663,6 +663,14 @@ mod tests {
             assert!(bench.supervisor.is_refused(tid, &call, &path));
             assert!(!bench.supervisor.is_refused(tid, &call, "/dev/null"));
         }
+        // A name in a folder that it has open.
+        let folder = path.strip_suffix("sonar").expect("its name");
+        let text = [folder.as_bytes(), &[0]].concat();
+        Memory(pid).write(place, &text).expect("its stack");
+        let opened = process.makes(libc::SYS_open, &[place, 0]);
+        let in_it = Call::made(libc::SYS_openat, &[opened.cast_unsigned()]);
+        assert!(bench.supervisor.is_refused(tid, &in_it, "sonar"));
+        assert!(!bench.supervisor.is_refused(tid, &in_folder, "sonar"));
     }
 
     /// tcsendbreak(3): TCSBRK without an argument waits for nothing; with one it is tcdrain.

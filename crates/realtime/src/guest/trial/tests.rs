@@ -303,3 +303,42 @@ fn a_program_is_asked_to_end_and_then_killed() {
     let expected = "left running, had to be killed: ";
     assert!(stubborn.starts_with(expected), "{stubborn}");
 }
+
+/// A program that waits for its port has a moment to which it is put back; one that has ended has
+/// none. A fault has its place.
+#[test]
+fn a_program_at_its_port_is_put_back() {
+    use crate::guest::tests::program::{DATA, ZEROS, call, starts};
+    use nix::libc;
+
+    let mut bench = Bench::new();
+    let path = bench.path("sonar");
+    // openat(AT_FDCWD, .., O_RDWR | O_NOCTTY); `mov edi, eax`; read; `mov [0], eax`.
+    let mut code = call(libc::SYS_openat, &[u32::MAX - 99, DATA, 0o402, 0]);
+    code.extend([0x89, 0xC7, 0xBE]);
+    code.extend(ZEROS.to_le_bytes());
+    code.extend([0xBA, 8, 0, 0, 0]);
+    code.extend(call(libc::SYS_read, &[]));
+    code.extend([0x89, 0x04, 0x25, 0, 0, 0, 0]);
+    let data = [path.as_os_str().as_encoded_bytes(), &[0]].concat();
+    let process = starts(&mut bench, &data, &code);
+    let (mut trial, _folder) = trial_of_program(bench, process.pid.as_raw());
+    core::mem::forget(process);
+    let moment = (0..100).find_map(|_| {
+        trial.turn().expect("it is supervised");
+        trial.moment()
+    });
+    let moment = moment.expect("it waits");
+    assert!(trial.put_back(&moment));
+    assert_eq!(trial.fault(), None);
+    for _ in 0..10_000 {
+        if trial.ended().is_some() {
+            break;
+        }
+        trial.turns().expect("it is supervised");
+    }
+    assert_eq!(trial.ended(), Some(Ended::Signal(libc::SIGSEGV)));
+    let fault = trial.fault().expect("it has one");
+    assert!(fault.starts_with("program+0x"), "{fault}");
+    assert!(trial.moment().is_none() && !trial.put_back(&moment));
+}

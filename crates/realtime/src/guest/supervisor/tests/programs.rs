@@ -113,6 +113,9 @@ fn a_process_waits_for_its_child_with_its_data() {
             &[0x48, 0x8B, 0x04, 0x25],
             &usage.to_le_bytes(),
             &keeps(ZEROS + 24),
+            &[0x48, 0x8B, 0x04, 0x25],
+            &(info + 32).to_le_bytes(),
+            &keeps(ZEROS + 40),
             &call(libc::SYS_waitid, &[0, 0, info, 4, usage]),
             &keeps(ZEROS + 32),
             &rests(),
@@ -121,7 +124,7 @@ fn a_process_waits_for_its_child_with_its_data() {
     let child = guest.word(ZEROS);
     assert_eq!((guest.word(ZEROS + 8), guest.word(ZEROS + 32)), (0, 0));
     assert_eq!(guest.word(ZEROS + 16) & 0xFFFF_FFFF, 0);
-    assert_eq!(guest.word(ZEROS + 24), 5);
+    assert_eq!((guest.word(ZEROS + 24), guest.word(ZEROS + 40)), (5, MARK));
     assert_eq!(guest.word(info) & 0xFFFF_FFFF, 17);
     assert_eq!(guest.word(info + 8) & 0xFFFF_FFFF, 1);
     assert_eq!(guest.word(info + 16) & 0xFFFF_FFFF, child);
@@ -723,6 +726,8 @@ fn a_process_waits_for_a_range_of_another_one() {
         );
         assert_eq!(guest.word(ZEROS + 8), 0);
         assert_eq!(guest.bench.now() / MS, millis, "{from} {start}");
+        let notes = guest.bench.supervisor.notes();
+        assert!(notes.is_empty(), "it waits in virtual time: {notes:?}");
     }
 }
 
@@ -1035,4 +1040,113 @@ fn a_program_is_put_back_to_a_moment() {
     bench.supervisor.is_signalled = true;
     assert!(bench.supervisor.moment().is_none());
     assert!(!bench.supervisor.put_back(&moment));
+}
+
+/// futex(2): a word in memory that processes share, at 8 bytes behind the start of a mapping.
+/// MAP_SHARED is 1, MAP_FIXED 0x10, MAP_ANONYMOUS 0x20. A private operation (128) is one of a
+/// single process: ETIMEDOUT is 110.
+#[test]
+fn processes_wait_for_a_word_that_they_share() {
+    const SHARED: u32 = 0x50_0000;
+    let map = call(libc::SYS_mmap, &[SHARED, 4_096, 3, 0x31, u32::MAX]);
+    for (wait, wake, woken, result, millis) in [
+        (0, 1, 1, 0, 5),
+        (128, 1, 0, -110, 9),
+        (0, 129, 0, -110, 9),
+        (128, 129, 0, -110, 9),
+    ] {
+        let result: i64 = result;
+        let child = [
+            call(libc::SYS_nanosleep, &[DATA, 0]),
+            call(libc::SYS_futex, &[SHARED + 8, wake, 5]),
+            keeps(SHARED + 16),
+            exit(0),
+        ];
+        let guest = Guest::runs(
+            &words(&[0, 5 * MS, 0, 9 * MS]),
+            &[
+                &map,
+                &call(libc::SYS_fork, &[]),
+                &if_zero(&child.concat()),
+                &call(libc::SYS_futex, &[SHARED + 8, wait, 0, DATA + 16]),
+                &keeps(ZEROS),
+                &rests(),
+            ],
+        );
+        assert_eq!(guest.word(ZEROS).cast_signed(), result, "{wait} {wake}");
+        assert_eq!(guest.word(SHARED + 16), woken);
+        assert_eq!(guest.bench.now() / MS, millis);
+    }
+}
+
+/// The same signal, SIGUSR1 (10, bit 0x200), pends for the process and for its thread: it is read
+/// and waited for twice.
+#[test]
+fn a_signal_may_pend_twice() {
+    let sends = {
+        let mut code = call(libc::SYS_getpid, &[]);
+        code.extend(keeps(ZEROS));
+        code.extend(with_first(ZEROS, libc::SYS_kill, &[10]));
+        // `mov esi, [ZEROS]; mov edx, 10`.
+        code.extend([0x8B, 0x34, 0x25]);
+        code.extend(ZEROS.to_le_bytes());
+        code.extend([0xBA, 10, 0, 0, 0]);
+        code.extend(with_first(ZEROS, libc::SYS_tgkill, &[]));
+        code
+    };
+    let mut data = once(0, 0x200);
+    data.extend(words(&[0, 2 * MS]));
+    let wait = call(
+        libc::SYS_rt_sigtimedwait,
+        &[DATA + 32, ZEROS + 64, DATA + 40, 8],
+    );
+    let guest = Guest::runs(
+        &data,
+        &[
+            &blocks(),
+            &sends,
+            &wait,
+            &keeps(ZEROS + 8),
+            &wait,
+            &keeps(ZEROS + 16),
+            &wait,
+            &keeps(ZEROS + 24),
+            &rests(),
+        ],
+    );
+    assert_eq!((guest.word(ZEROS + 8), guest.word(ZEROS + 16)), (10, 10));
+    assert_eq!(
+        guest.word(ZEROS + 24).cast_signed(),
+        -11,
+        "EAGAIN after 2 ms"
+    );
+    assert_eq!(guest.bench.now() / MS, 2);
+    let signalfd = call(libc::SYS_signalfd4, &[u32::MAX, DATA + 32, 8, 0]);
+    let read = with_first(ZEROS + 32, libc::SYS_read, &[ZEROS + 64, 128]);
+    let guest = Guest::runs(
+        &data,
+        &[
+            &blocks(),
+            &sends,
+            &signalfd,
+            &keeps(ZEROS + 32),
+            &read,
+            &keeps(ZEROS + 8),
+            &read,
+            &keeps(ZEROS + 16),
+            &rests(),
+        ],
+    );
+    assert_eq!((guest.word(ZEROS + 8), guest.word(ZEROS + 16)), (128, 128));
+}
+
+/// A program that starts itself again is in the list of started ones once.
+#[test]
+fn started_programs_are_listed_once() {
+    let mut bench = Bench::new();
+    bench.supervisor.begin_debugging(Wanted::Nothing);
+    let guest = Guest::runs_in(bench, &[], &[&begin(), &executes_itself()]);
+    let debugging = guest.bench.supervisor.debugging.as_ref().expect("begun");
+    assert_eq!(debugging.started(), ["program"]);
+    assert_eq!(guest.status(), Some(0x900));
 }
