@@ -259,4 +259,16 @@ mod tests {
             assert!(!quiet.interrupts());
         }
     }
+
+    /// The same signal may pend for a thread and for its process.
+    #[test]
+    fn a_signal_that_pends_twice_counts() {
+        let twice = |signal| Pending {
+            own: signal,
+            common: signal,
+            ..none()
+        };
+        assert!(twice(INT).interrupts());
+        assert!(twice(CONT).continues() && !twice(INT).continues());
+    }
 }

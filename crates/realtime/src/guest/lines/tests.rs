@@ -5,7 +5,7 @@ use std::os::fd::OwnedFd;
 
 use super::super::settings::{TCGETS2, TCSETS2};
 use super::*;
-use crate::guest::tests::program::{DATA, ZEROS, call, exit, if_zero, keeps};
+use crate::guest::tests::program::{DATA, ZEROS, call, exit, if_zero, keeps, rests};
 use crate::guest::tests::{Room, own, program};
 use nix::errno::Errno;
 use std::os::fd::AsRawFd as _;
@@ -464,4 +464,29 @@ fn a_program_waits_for_a_line_of_its_port() {
     let dcd = "{\"ok\":true,\"dcd\":true}\n";
     let (status, heard) = follows(&[], &[&code], &[low, dcd, dcd, high]);
     assert_eq!((status, heard.len()), (0, 4));
+}
+
+/// Children and threads are followed as well: each asks for the lines of its port and ends with the
+/// low byte of the answer, DTR (2) and CTS (0x20).
+#[test]
+fn children_and_threads_are_followed() {
+    let lines = "{\"ok\":true,\"dtr\":true,\"cts\":true}\n";
+    let asks = [requests(0x5415, ZEROS + 16), ends_with(ZEROS + 16)].concat();
+    let waits = [
+        call(libc::SYS_wait4, &[u32::MAX, ZEROS + 32, 0, 0]),
+        ends_with(ZEROS + 33),
+    ]
+    .concat();
+    // A thread ends the whole process by its exit_group; the first one rests.
+    let thread = call(libc::SYS_clone, &[0x5_0F00, ZEROS + 4_096]);
+    for (creates, then) in [
+        (call(libc::SYS_fork, &[]), &waits),
+        (call(libc::SYS_vfork, &[]), &waits),
+        (call(libc::SYS_clone, &[17, 0]), &waits),
+        (thread, &rests()),
+    ] {
+        let code = [&opens()[..], &creates, &if_zero(&asks), then].concat();
+        let (status, heard) = follows(&[], &[&code], &[lines]);
+        assert_eq!((status, heard.len()), (0x2200, 1), "{creates:x?}");
+    }
 }

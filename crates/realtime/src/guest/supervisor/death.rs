@@ -661,4 +661,30 @@ mod tests {
         bench.supervisor.dies(tid);
         assert!(bench.process().is_dying && bench.process().files.is_empty());
     }
+
+    /// A program with rights of its own (set-user-ID, chmod(2)) cannot be traced. One with the C++
+    /// library's source of random numbers takes some from the processor.
+    #[test]
+    fn a_program_is_looked_at_when_it_starts() {
+        use std::os::unix::fs::PermissionsExt as _;
+
+        use crate::guest::tests::program::{Guest, exit, rests};
+
+        let guest = Guest::runs(&[], &[&rests()]);
+        let pid = guest.process.pid.as_raw();
+        assert!(guest.bench.supervisor.notes().is_empty());
+        assert!(refuse(pid).is_ok());
+        let path = std::fs::read_link(format!("/proc/{pid}/exe")).expect("it runs");
+        for (mode, is_refused) in [(0o4755, true), (0o2755, true), (0o755, false)] {
+            let mode = std::fs::Permissions::from_mode(mode);
+            std::fs::set_permissions(&path, mode).expect("ours");
+            assert_eq!(refuse(pid).is_err(), is_refused);
+        }
+        let guest = Guest::runs(b"_ZNSt13random_device", &[&exit(0)]);
+        let note = "std::random_device takes chance from the processor (RDRAND): it differs each \
+                    time";
+        assert_eq!(guest.bench.supervisor.notes(), [note]);
+        let guest = Guest::runs(b"_ZNSt13random_devic", &[&exit(0)]);
+        assert!(guest.bench.supervisor.notes().is_empty());
+    }
 }

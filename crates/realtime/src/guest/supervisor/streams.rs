@@ -426,4 +426,17 @@ mod tests {
         other.send(b"x").expect("room");
         assert_eq!(bench.calls(many, &[fd(&one), 8, 1, 0]), Told::Kernel);
     }
+
+    /// timerfd_create(2): such a file takes no bytes. The kernel says so; it is never ready.
+    #[test]
+    fn a_write_to_a_timer_is_the_kernels() {
+        use rustix::time::{TimerfdClockId, TimerfdFlags, timerfd_create};
+
+        let mut bench = Bench::new();
+        let clock = TimerfdClockId::Monotonic;
+        let timer = timerfd_create(clock, TimerfdFlags::empty()).expect("the system has them");
+        let room = Room::new(8);
+        let args = [fd(&timer), room.at(0), 8];
+        assert_eq!(bench.calls(libc::SYS_write, &args), Told::Kernel);
+    }
 }

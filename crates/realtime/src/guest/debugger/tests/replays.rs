@@ -643,3 +643,54 @@ fn a_debugger_sees_the_end_of_a_program() {
     });
     assert!(matches!(debugged, Debugged::Killed(_)));
 }
+
+/// A place that the program does not reach has no predecessor, and the debugger is told.
+#[test]
+fn a_place_that_is_not_reached_is_missed() {
+    plays(&[], &nops(), |it, _| {
+        let mut far = place(&[hits(ENTRY, 1)]);
+        far.moment.calls = 100;
+        let before = it.predecessor(&far, 0).expect("it is supervised");
+        assert!(before.is_none() && core::mem::take(&mut it.has_missed));
+        it.goes_on = &|| false;
+        let before = it.predecessor(&far, 0).expect("it is supervised");
+        assert!(before.is_none() && !it.has_missed);
+    });
+}
+
+/// `mov [ZEROS], ecx` twice: there is no instruction before the first change.
+#[test]
+fn the_first_instruction_may_change_memory() {
+    let mut write = vec![0x89, 0x0C, 0x25];
+    write.extend(ZEROS.to_le_bytes());
+    let code = [write.clone(), write, exit(0)].concat();
+    plays(&[], &code, |it, _| {
+        assert!(it.load_again().expect("it is supervised"));
+        let (address, kind) = (u64::from(ZEROS), WatchKind::Write);
+        let is_set = it.add_hw_watchpoint(address, 4, kind);
+        assert!(is_set.is_ok_and(|done| done));
+        let watches = it
+            .supervisor()
+            .debugging()
+            .expect("begun")
+            .watches()
+            .to_vec();
+        let marks = Marks {
+            breaks: Vec::new(),
+            watches: watches.clone(),
+        };
+        let second = place(&[Leg::Hits {
+            breaks: Vec::new(),
+            watches,
+            count: 2,
+        }]);
+        assert!(walks(it, &second, &marks, None).0);
+        let reason = MultiThreadStopReason::Watch {
+            tid: tid(1),
+            kind,
+            addr: address,
+        };
+        assert_eq!(back(it, Back::Continue), Some(reason));
+        assert_eq!(back(it, Back::Continue), at_start());
+    });
+}

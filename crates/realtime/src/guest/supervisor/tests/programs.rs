@@ -524,11 +524,25 @@ fn a_timer_goes_on_in_a_copy_of_its_file() {
         code.extend(with_first(ZEROS, libc::SYS_timerfd_settime, &[0, DATA]));
         code
     };
-    let copy = [with_first(ZEROS, libc::SYS_dup, &[]), keeps(ZEROS + 8)].concat();
+    // The copy, and an entry of poll with it.
+    let copy = [
+        with_first(ZEROS, libc::SYS_dup, &[]),
+        keeps(ZEROS + 8),
+        keeps(ZEROS + 128),
+        sets(ZEROS + 132, 1),
+    ]
+    .concat();
+    let poll = [
+        call(libc::SYS_poll, &[ZEROS + 128, 1, 1]),
+        keeps(ZEROS + 24),
+    ]
+    .concat();
     let close = with_first(ZEROS, libc::SYS_close, &[]);
     let sleep = call(libc::SYS_nanosleep, &[DATA + 40, 0]);
     let read = with_first(ZEROS + 8, libc::SYS_read, &[ZEROS + 64, 8]);
-    for (before, millis) in [(&close, 5), (&[sleep, close.clone()].concat(), 9)] {
+    // A millisecond after it was closed early, the copy is not ready yet.
+    let late = [sleep, close.clone()].concat();
+    for (before, is_ready, millis) in [(&close, 0, 5), (&late, 1, 9)] {
         let guest = Guest::runs(
             &data,
             &[
@@ -536,12 +550,14 @@ fn a_timer_goes_on_in_a_copy_of_its_file() {
                 &set,
                 &copy,
                 before,
+                &poll,
                 &read,
                 &keeps(ZEROS + 16),
                 &rests(),
             ],
         );
         assert_eq!((guest.word(ZEROS + 16), guest.word(ZEROS + 64)), (8, 1));
+        assert_eq!(guest.word(ZEROS + 24), is_ready);
         assert_eq!(guest.bench.now() / MS, millis);
         let process = &guest.bench.supervisor.processes[&guest.process.pid.as_raw()];
         let timers: Vec<u64> = process
@@ -1149,4 +1165,58 @@ fn started_programs_are_listed_once() {
     let debugging = guest.bench.supervisor.debugging.as_ref().expect("begun");
     assert_eq!(debugging.started(), ["program"]);
     assert_eq!(guest.status(), Some(0x900));
+}
+
+/// A read of a copy takes the expirations: the other file, which does not wait (0o4000), has none
+/// left. EAGAIN is 11.
+#[test]
+fn the_expirations_of_a_timer_are_read_once() {
+    let mut data = once(5 * MS, 0);
+    data.extend(words(&[0, 9 * MS]));
+    let mut set = vec![0x41, 0xBA, 0, 0, 0, 0];
+    set.extend(with_first(ZEROS, libc::SYS_timerfd_settime, &[0, DATA]));
+    let read = |from, to| with_first(from, libc::SYS_read, &[to, 8]);
+    let guest = Guest::runs(
+        &data,
+        &[
+            &call(libc::SYS_timerfd_create, &[1, 0o4_000]),
+            &keeps(ZEROS),
+            &set,
+            &with_first(ZEROS, libc::SYS_dup, &[]),
+            &keeps(ZEROS + 8),
+            &read(ZEROS, ZEROS + 64),
+            &keeps(ZEROS + 16),
+            &call(libc::SYS_nanosleep, &[DATA + 40, 0]),
+            &read(ZEROS + 8, ZEROS + 72),
+            &keeps(ZEROS + 24),
+            &read(ZEROS, ZEROS + 80),
+            &keeps(ZEROS + 32),
+            &rests(),
+        ],
+    );
+    assert_eq!(guest.word(ZEROS + 16).cast_signed(), -11);
+    assert_eq!((guest.word(ZEROS + 24), guest.word(ZEROS + 72)), (8, 1));
+    assert_eq!(guest.word(ZEROS + 32).cast_signed(), -11);
+    assert_eq!((guest.word(ZEROS + 64), guest.word(ZEROS + 80)), (0, 0));
+}
+
+/// timer_create(2): SIGALRM (14) ends a program that has no handler for it.
+#[test]
+fn a_timer_ends_a_program_without_a_handler() {
+    let mut data = once(5 * MS, 0);
+    data.extend(words(&[0, 14]));
+    let mut set = vec![0x41, 0xBA, 0, 0, 0, 0];
+    set.extend(with_first(ZEROS, libc::SYS_timer_settime, &[0, DATA]));
+    let guest = Guest::runs(
+        &data,
+        &[
+            &call(libc::SYS_timer_create, &[1, DATA + 40, ZEROS]),
+            &set,
+            &call(libc::SYS_sched_yield, &[]),
+            // It waits for a futex, so that it does not rest.
+            &call(libc::SYS_futex, &[ZEROS + 64, 0, 0, 0]),
+        ],
+    );
+    assert_eq!(guest.status(), Some(14));
+    assert_eq!(guest.bench.now() / MS, 5);
 }
