@@ -432,7 +432,7 @@ fn filter_of(
 /// The filters of a program in virtual time and of one with modem lines, in the kernel's format.
 #[cfg(test)]
 pub(super) fn filters() -> [Vec<[u8; 8]>; 2] {
-    [all_stopped, about_lines].map(|stopped| in_bytes(stopped))
+    [all_stopped, about_lines].map(in_bytes)
 }
 
 #[cfg(test)]

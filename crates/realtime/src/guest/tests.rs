@@ -162,20 +162,20 @@ impl Stopped {
     /// Lets it run on one processor only. Otherwise, the system writes the number of another one
     /// into its memory (rseq(2)).
     pub(super) fn stays_on_one_processor(&self) {
-        const LEN: u64 = 128;
+        const LEN: usize = 128;
         let place = self.registers().rsp - 2_048;
-        let mut set = [0; LEN as usize];
+        let mut set = [0; LEN];
         let memory = Memory(self.pid);
         memory.write(place, &set).expect("its stack");
-        assert!(self.makes(nix::libc::SYS_sched_getaffinity, &[0, LEN, place]) > 0);
+        assert!(self.makes(nix::libc::SYS_sched_getaffinity, &[0, LEN as u64, place]) > 0);
         memory.read(place, &mut set).expect("its stack");
         let first = set.iter().position(|&byte| byte != 0).expect("one");
         let byte = 1 << set[first].trailing_zeros();
-        set = [0; LEN as usize];
+        set = [0; LEN];
         set[first] = byte;
         memory.write(place, &set).expect("its stack");
         assert_eq!(
-            self.makes(nix::libc::SYS_sched_setaffinity, &[0, LEN, place]),
+            self.makes(nix::libc::SYS_sched_setaffinity, &[0, LEN as u64, place]),
             0
         );
     }

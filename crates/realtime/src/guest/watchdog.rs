@@ -571,8 +571,8 @@ mod tests {
         assert!(results(&mut by(10, false), 100, none).is_empty());
     }
 
-    /// By hand: the second look is the first that sees the thread run, with 40 ms. After 1 s more it
-    /// is stopped; with `--schedule` after 100 ms, and with a limit below 1 s after that.
+    /// By hand: the second look is the first that sees the thread run, with 40 ms. After 1 s more
+    /// it is stopped; with `--schedule` after 100 ms, and with a limit below 1 s after that.
     #[test]
     fn a_thread_that_computes_is_stopped() {
         let computes = |index| Look {

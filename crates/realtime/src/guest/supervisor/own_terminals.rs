@@ -79,7 +79,7 @@ mod tests {
             bench.supervisor.typed.clone()
         };
         for _ in 0..2 {
-            assert_eq!(types(&mut bench, fd(&master)), [path.clone()]);
+            assert_eq!(types(&mut bench, fd(&master)), core::slice::from_ref(&path));
         }
         let settles = |bench: &mut Bench| {
             bench.supervisor.is_changed = false;

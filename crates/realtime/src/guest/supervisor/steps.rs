@@ -391,6 +391,7 @@ const fn leaves_ports_alone(call: &Call) -> bool {
 mod tests {
     use super::*;
 
+    use crate::guest::supervisor::Wanted;
     use crate::guest::supervisor::schedule::Schedule;
     use crate::guest::supervisor::tests::{Bench, is_ready};
     use crate::guest::tests::Stopped;
@@ -703,5 +704,24 @@ mod tests {
         bench.supervisor.run_on(tid, Next::Call);
         assert!(bench.supervisor.is_signalled);
         bench.supervisor.run_on(-7, Next::Go(None));
+    }
+
+    /// Intel's manual, volume 2: a call keeps the flags in r11; bit 8 is the one of single steps,
+    /// which a program must not see.
+    #[test]
+    fn a_program_does_not_see_that_it_is_stepped() {
+        let steps = |prepare: &dyn Fn(&mut Supervisor)| {
+            let stopped = Stopped::that_calls();
+            stopped.filters(&[libc::SYS_clock_getres]);
+            let (mut bench, tid) = with(&stopped);
+            stopped.begins(libc::SYS_clock_getres, &[1, 0]);
+            stopped.change(|registers| registers.r11 |= 0x100);
+            prepare(&mut bench.supervisor);
+            bench.supervisor.called(tid);
+            stopped.registers().r11 & 0x100 != 0
+        };
+        assert!(steps(&|_| {}), "it has set the flag itself");
+        assert!(!steps(&|it| it.begin_debugging(Wanted::Nothing)));
+        assert!(!steps(&|it| it.schedule = Some(Schedule::new(1))));
     }
 }

@@ -539,7 +539,7 @@ fn debugs_by(code: &[u8], script: impl FnOnce(&mut Client) + Send + 'static) -> 
         };
         let has_failed = Arc::clone(&has_failed);
         *client.borrow_mut() = Some(std::thread::spawn(move || {
-            let run = std::panic::AssertUnwindSafe(|| script(&mut Client::connect(port)));
+            let run = core::panic::AssertUnwindSafe(|| script(&mut Client::connect(port)));
             let done = std::panic::catch_unwind(run);
             has_failed.store(done.is_err(), Ordering::Relaxed);
         }));

@@ -1220,3 +1220,42 @@ fn a_timer_ends_a_program_without_a_handler() {
     assert_eq!(guest.status(), Some(14));
     assert_eq!(guest.bench.now() / MS, 5);
 }
+
+/// A child of the debugged process has its own memory, without breakpoints (CC); one that borrows
+/// the memory of its parent has them.
+#[test]
+fn a_child_has_no_breakpoints() {
+    for (creates, expected) in [
+        (call(libc::SYS_fork, &[]), 0x90),
+        (call(libc::SYS_clone, &[17, 0]), 0x90),
+        (call(libc::SYS_vfork, &[]), 0xCC),
+    ] {
+        let mut bench = Bench::new();
+        bench.supervisor.begin_debugging(Wanted::NoShell);
+        let code = [&creates[..], &if_zero(&exit(0)), &rests(), &[0x90]].concat();
+        let at = ENTRY + code.len() as u64 - 1;
+        let process = crate::guest::tests::program::starts(&mut bench, &[], &code);
+        let pid = process.pid.as_raw();
+        let goes_on = |bench: &mut Bench, is_enough: &dyn Fn(&mut Supervisor) -> bool| {
+            for _ in 0..100 {
+                bench.supervisor.turn().expect("it is supervised");
+                if is_enough(&mut bench.supervisor) {
+                    return;
+                }
+            }
+            panic!("it does not come to that");
+        };
+        goes_on(&mut bench, &|it| it.take_stop() == Some(Stop::Loaded(pid)));
+        assert!(bench.supervisor.add_break(at));
+        // Its turn ends when it waits: for a signal, or for its child.
+        let (_, next) = bench.supervisor.take_held().expect("it is loaded");
+        bench.supervisor.run_on(pid, next);
+        let child = bench.supervisor.others().next().expect("it has one");
+        let child = Pid::from_raw(child);
+        for (process, expected) in [(process.pid, 0xCC), (child, expected)] {
+            let mut byte = [0];
+            Memory(process).read(at, &mut byte).expect("its code");
+            assert_eq!(byte, [expected]);
+        }
+    }
+}
