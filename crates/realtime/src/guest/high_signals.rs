@@ -508,7 +508,7 @@ mod tests {
             it.process.change(|registers| registers.rsp = stack);
             assert_eq!(it.delivers(None), Delivered::Refused, "{stack}");
         }
-        let nobody = Pid::from_raw(-7);
-        assert_eq!(deliver(-7, nobody, MINE, None), Delivered::Refused);
+        let missing = Pid::from_raw(-7);
+        assert_eq!(deliver(-7, missing, MINE, None), Delivered::Refused);
     }
 }

@@ -249,7 +249,7 @@ mod tests {
         })
     }
 
-    /// 80 % of the bytes in frames prove the change, unless more than 20 % are in frames without it.
+    /// 80 % of the bytes in frames prove the change, unless over 20 % are in frames without it.
     #[test]
     fn every_byte_is_changed_back() {
         let of = |undo: Undo, frames: usize, noise: usize, sound: u64| {

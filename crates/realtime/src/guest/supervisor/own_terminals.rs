@@ -87,7 +87,7 @@ mod tests {
             assert!(bench.supervisor.typed.is_empty());
             bench.supervisor.is_changed
         };
-        assert!(!settles(&mut bench), "nobody has it open");
+        assert!(!settles(&mut bench), "no program has it open");
         let flags = OFlags::RDWR | OFlags::NOCTTY;
         let slave = open(&path, flags, Mode::empty()).expect("it is there");
         assert!(!settles(&mut bench), "nothing was typed");

@@ -417,7 +417,7 @@ mod tests {
         let bad = [fd(&reader), 0, 0, 0, 8];
         let fault = (error(Errno::EFAULT), false);
         assert_eq!(calls(&mut bench, receive, &bad), fault);
-        // Who sends may have requested a signal for others.
+        // The sender may have requested a signal for others.
         let sends = [fd(&writer), 0, 0, 0, 0];
         assert_eq!(calls(&mut bench, send, &sends), (Told::Kernel, true));
         writer.write_all(b"x").expect("it has room");
