@@ -218,7 +218,11 @@ cargo metadata --locked --no-deps --format-version 1 |
 computing() {
     renice -n 10 -p "$BASHPID" >/dev/null
     # shellcheck disable=SC2046 # One name a line.
-    tests --no-fail-fast --lib --bins $(sed 's/^/--test /' "$target/computing") -- "${skipped[@]}"
+    tests --no-fail-fast $(sed 's/^/--test /' "$target/computing") -- "${skipped[@]}"
+}
+units() {
+    renice -n 10 -p "$BASHPID" >/dev/null
+    tests --no-fail-fast --lib --bins -- "${skipped[@]}"
     tests --doc
 }
 pages() {
@@ -241,7 +245,7 @@ programs() {
     CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/devices/run.sh
     "$built/hilrig" demo --out "$target/demo/tests"
 }
-lanes=(pages programs computing)
+lanes=(pages programs computing units)
 lane() {
     "$1"
     echo "== $1: $SECONDS s"
