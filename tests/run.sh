@@ -128,10 +128,12 @@ python3 -c 'import venv, ensurepip' 2>/dev/null || missing+=(python3-venv)
 [[ ${#missing[@]} -eq 0 ]] || install "${missing[@]}"
 target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 # The interpreter itself: a manager of versions puts a script in front of it, which runs several
-# shells, and the tests start hundreds.
-mkdir -p "$target/python"
-ln -sf "$(python3 -c 'import sys; print(sys.executable)')" "$target/python/python3"
-PATH=$target/python:$PATH
+# shells, and the tests start hundreds. A virtual environment has its own.
+if [[ -z ${VIRTUAL_ENV:-} ]]; then
+    mkdir -p "$target/python"
+    ln -sf "$(python3 -c 'import sys; print(sys.executable)')" "$target/python/python3"
+    PATH=$target/python:$PATH
+fi
 # Read what is exported; pip has them, Debian 12 does not.
 [[ -x $target/tools/bin/evo_ape ]] || {
     python3 -m venv "$target/tools" && "$target/tools/bin/pip" install -q mcap==1.6.0 evo==1.38.1
